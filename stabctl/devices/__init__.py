@@ -47,7 +47,7 @@ class Devices(Mapping[str, Device]):
     def __getitem__(self, name: str) -> Device:
         if name not in self.roles:
             raise KeyError(name)
-        return _registered[name] if name in _registered else _packaged(name)
+        return _registered[name] if name in _registered else of(importlib.import_module(_files()[name][1]))
 
     def __contains__(self, name: object) -> bool:
         return name in self.roles
@@ -76,11 +76,6 @@ def _files() -> Mapping[str, tuple[str, str]]:
             found[path.stem] = role[1], f"{__name__}.{path.parent.name}.{path.stem}"
     order = list(ROLES)
     return dict(sorted(found.items(), key=lambda item: order.index(item[1][0])))
-
-
-@cache
-def _packaged(name: str) -> Device:
-    return of(importlib.import_module(_files()[name][1]))
 
 
 @cache

@@ -12,7 +12,7 @@ Nothing is run. A statement of another kind is refused if it may change a matrix
 
 import re
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from stabctl._util.errors import CaseError, shown
 
@@ -174,7 +174,7 @@ def _evaluate(one: Code, found: Pst) -> None:
             raise one.place.error(f"{shown(target)} are not rows of {name}.")
         found.tables[name] = [row for k, row in enumerate(found.tables[name], 1) if k not in gone]
     elif (columns := _COLUMNS.fullmatch(target)) and name in found.tables:
-        _set_columns(_span(columns, one), _columns_of(value, found, one), found.tables[name], one)
+        _set_columns(_span(columns, one), value, found.tables[name], one)
     elif (element := _ELEMENT.fullmatch(target)) and _CELL.fullmatch(value) and name in found.tables:
         row, column = (int(element[2]), int(element[3] or 1)) if element[3] or name == "ibus_con" else (0, 0)
         rows = found.tables[name]
@@ -192,29 +192,27 @@ def _span(columns: re.Match[str], one: Code) -> range:
     return range(low - 1, high)
 
 
-def _columns_of(value: str, found: Pst, one: Code) -> Any:
-    """A function of a row: the values that a statement gives its columns."""
+def _given(value: str, one: Code) -> tuple[range | None, float]:
+    """What a statement gives columns: those that it copies, with their factor, or no columns and a number."""
     if _CELL.fullmatch(value):
-        number = _number(value, one.place)
-        return lambda row, width: [number] * width
+        return None, _number(value, one.place)
     if filled := _FILLED.fullmatch(value):
-        number = _fill(filled, one)
-        return lambda row, width: [number] * width
+        return None, _fill(filled, one)
     match = re.fullmatch(rf"(.*?\)){_FACTOR}", value)
     source = _COLUMNS.fullmatch(match[1]) if match else None
     if match is None or source is None or source[1] != one.text[: len(source[1])]:
         raise _refused(one)
-    places, factor = _span(source, one), _factor(match[2], match[3], one)
-    return lambda row, width: [row[i] * factor for i in places if i < len(row)]
+    return _span(source, one), _factor(match[2], match[3], one)
 
 
-def _set_columns(places: range, values: Any, rows: list[Row], one: Code) -> None:
+def _set_columns(places: range, value: str, rows: list[Row], one: Code) -> None:
     """Give columns their values; new ones may follow the last."""
+    source, number = _given(value, one)
     for row in rows:
-        given = values(row.values, len(places))
-        if len(given) != len(places) or places.start > len(row.values):
+        copied = [row.values[i] * number for i in source if i < len(row.values)] if source else [number] * len(places)
+        if len(copied) != len(places) or places.start > len(row.values):
             raise one.place.error(f"{shown(one.text)} does not fit a row of {len(row.values)} columns.")
-        row.values[places.start : places.stop] = given
+        row.values[places.start : places.stop] = copied
 
 
 def _fill(filled: re.Match[str], one: Code) -> float:

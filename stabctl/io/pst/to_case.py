@@ -231,13 +231,12 @@ class _Reader:
                 self.net.add("machines", Machine(self.net.new_number(), bus, self.base, self.alone[bus].real, bus), "")
             flow = self.net.case(self.file.path, devices={}, base_mva=self.base, frequency_hz=self.hertz).power_flow()
             self.alone |= dict(zip(held, flow.S[-len(held) :] * self.base, strict=True))
-            for bus, row in self.net.at.items():
+            for bus, V in zip(self.net.at, flow.V, strict=True):
+                angle = float(np.angle(V, deg=True))
                 if bus in held:
-                    self.net.change(
-                        bus, kind="pq", v=float(abs(flow.V[row])), angle=float(np.angle(flow.V[row], deg=True))
-                    )
+                    self.net.change(bus, kind="pq", v=float(abs(V)), angle=angle)
                 elif self.net.bus(bus).kind == "pv":  # it may become the swing bus
-                    self.net.change(bus, angle=float(np.angle(flow.V[row], deg=True)))
+                    self.net.change(bus, angle=angle)
             self.net.rows["machines"], self.net.places["machines"] = machines, places
         for bus, power in self.alone.items():
             place = self.net.places["buses"][self.net.at[bus]]
