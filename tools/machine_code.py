@@ -44,7 +44,7 @@ def compiled(folder: Path, names: list[str]) -> dict[str, str]:
         (folder / f"{symbol}.o").write_bytes(machine.emit_object(module))
 
     compiler.also.append(emit)
-    jit.start = lambda *_: None  # no second process
+    jit.start = lambda *_: False  # no second process
     modules = {"adder": adder, "drawn": drawn, "center": center, "frame": frame, "gate": gate, "line": line, "lti": lti}
     for name, device in {**devices.every(), **{name: of(module) for name, module in modules.items()}}.items():
         for scalar in (float, complex) if name in names or not names else ():

@@ -5,6 +5,7 @@ and puts there what it returns, is generated here from their kinds. Any function
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from itertools import count
 from typing import Any
@@ -15,11 +16,14 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import ccallback
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import cpu_target
 from numba.np.arrayobj import populate_array
 from numba.np.numpy_support import from_dtype
 
 from .object_code import Code, processor
+from .process import paused
 from .words import HEAD, SCALARS, Kind
 
 WORD, STATUS = ir.IntType(64), ir.IntType(32)
@@ -66,7 +70,7 @@ def _machine(
     options = {"error_model": "numpy", "_nrt": False}
     family: Any = ccallback.CFunc
     compiler = _Compiler(python, family._targetdescr, options, {}, numba.core.compiler.Compiler)
-    with global_compiler_lock:
+    with global_compiler_lock, paused(), _linked_only():
         found: Any = compiler.compile(tuple(kinds), returned)
         about, context, library = found.fndesc, found.target_context, found.library
         module = library.create_ir_module("visible")
@@ -88,6 +92,27 @@ def _machine(
             use(library._final_module, symbol)
         called = [one.name for one in library._final_module.functions if one.is_declaration]
         return [name for name in called if name.startswith("numba_")], target().emit_object(library._final_module)
+
+
+@contextmanager
+def _linked_only() -> Iterator[None]:
+    """Make no machine code of the functions that a function calls: they are linked into it. Saves a fifth of the time."""
+    codegen: Any = cpu_target.target_context.codegen()
+    codegen._library_class, codegen.set_env = _Linked, lambda *_: None
+    try:
+        yield
+    finally:
+        del codegen._library_class, codegen.set_env
+
+
+class _Linked(JITCodeLibrary):
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        self._ensure_finalized()
+        return 0
 
 
 class _Compiler(ccallback._CFuncCompiler):  # type: ignore[name-defined,misc]

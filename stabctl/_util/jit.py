@@ -32,7 +32,7 @@ _PACKAGE = Path(__file__).parent.parent
 _pending: list[tuple[Callable[..., Any], bool]] = []  # functions that numba does not know yet; whether they are inlined
 _definitions: list[Callable[[], None]] = []  # what tells numba how to compile something, before it compiles anything
 lock = RLock()  # one thread compiles at a time
-awaited: dict[str, Callable[[], object]] = {}  # module of an entry that another process compiles -> waits for it
+meanwhile: list[Callable[[], object]] = []  # compile what is likely to be used next, while another process compiles
 _told: list[bool] = []
 _running: dict[str, subprocess.Popen[bytes]] = {}
 
@@ -105,7 +105,7 @@ class Entry:
         found = self._functions.get(kinds)
         if found is None:
             with lock, compiling([] if self.on_disk() else [self.name]) as done:
-                awaited.pop(self.function.__module__, bool)()
+                _wait(self.function.__module__)
                 found = self._functions.get(kinds) or self._load(kinds)
                 self._functions[kinds] = found
                 done()
@@ -234,7 +234,7 @@ def _source(module: ModuleType) -> tuple[str, list[ModuleType]]:
     return f"{Path(module.__file__ or '').read_text(encoding='utf-8')}{constants}", list(used.values())
 
 
-def start(where: str, script: str) -> None:
+def start(where: str, script: str) -> bool:
     """Compile an entry point in a separate process, unless it is on disk already or there is only one core.
 
     Parameters
@@ -243,17 +243,30 @@ def start(where: str, script: str) -> None:
         The entry point, "module:name". It is named rather than imported, because it may be in a higher package.
     script
         Module that calls it once, so that its machine code is written to disk.
+
+    Returns
+    -------
+    bool
+        Whether a process was started.
     """
     module, _, name = where.partition(":")
     if module in _running or available() < 2 or not sys.executable or getattr(import_module(module), name).on_disk():
-        return
+        return False
     paths = str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths)), "PYTHONSAFEPATH": "1"}
     nothing = subprocess.DEVNULL
     command = [sys.executable, "-m", script]
     _running[module] = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing, env=environment)
     atexit.register(_stop, _running[module])
-    awaited[module] = _running[module].wait
+    return True
+
+
+def _wait(module: str) -> None:
+    """Wait for the process that compiles the entry point of a module, if there is one."""
+    if (process := _running.get(module)) is not None:
+        while meanwhile and process.poll() is None:
+            meanwhile.pop(0)()
+        process.wait()
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:

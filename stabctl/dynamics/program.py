@@ -5,12 +5,14 @@ a cycle are split into rows. Only a cycle of rows is an algebraic loop.
 """
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from stabctl import devices
 from stabctl._util import jit
 from stabctl._util.errors import EquilibriumError
 from stabctl._util.words import record
@@ -101,8 +103,9 @@ class _Tables:
 def _addresses(families: Sequence[Family], scalar: type) -> list[int]:
     """Addresses of the families' loops, which are compiled if their machine code is not on disk."""
     new = [f.device.name for f in families if len(f.w) and not _codegen.on_disk(f.name, f.device, scalar)]
-    if new:
-        jit.start("stabctl.simulation.stepper:advance", "stabctl.simulation.prepare")
+    if new and jit.start("stabctl.simulation.stepper:advance", "stabctl.simulation.prepare"):
+        likely = devices.every()["esd"]
+        jit.meanwhile += [partial(_codegen.address, "esd", likely, kind) for kind in (complex, float)]
     with jit.compiling(new) as done:
         out = []
         for f in families:
