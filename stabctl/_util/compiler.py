@@ -96,7 +96,7 @@ def _machine(
 
 @contextmanager
 def _linked_only() -> Iterator[None]:
-    """Make no machine code of the functions that a function calls: they are linked into it. Saves a fifth of the time."""
+    """Make no machine code of the functions that a function calls: they are linked into it."""
     codegen: Any = cpu_target.target_context.codegen()
     codegen._library_class, codegen.set_env = _Linked, lambda *_: None
     try:

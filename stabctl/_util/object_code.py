@@ -102,18 +102,18 @@ def found(stem: str, kinds: str, compiled: Callable[[str], Code], version: Calla
             return Loaded(ctypes.cast(function, ctypes.c_void_p).value or 0, _packaged()[name], function)
     about = sha256(repr((processor(), version(), kinds)).encode()).hexdigest()[:16]
     path = Path(BUILD or folder()) / f"{stem}-{about}.obj"
-    code = read(path)
+    code = read(path, name)
     if code is None:
         with alone(path.with_suffix(".lock")):
-            code = read(path)  # compiled by another process meanwhile
+            code = read(path, name)  # compiled by another process meanwhile
             if code is None:
                 code = compiled(name)
                 files.keep(path, json.dumps(code[:-1]).encode() + b"\n" + code.machine)
     return load(code)
 
 
-def read(path: Path) -> Code | None:
-    """The code in a file; None if there is none that is whole."""
+def read(path: Path, wanted: str = "") -> Code | None:
+    """The code in a file; None if there is none that is whole, or not that of the function wanted."""
     content = files.kept(path)
     if content is None:
         return None
@@ -122,7 +122,7 @@ def read(path: Path) -> Code | None:
         symbol, returns, version, helpers = json.loads(head)
     except (TypeError, ValueError):
         return None
-    return Code(symbol, returns, version, helpers, machine)
+    return Code(symbol, returns, version, helpers, machine) if wanted in ("", symbol) else None
 
 
 @cache

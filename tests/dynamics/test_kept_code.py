@@ -14,6 +14,7 @@ import pytest
 
 from stabctl import devices
 from stabctl._util import files, object_code
+from stabctl.devices.blocks import phasors
 from stabctl.dynamics import _codegen
 from stabctl.view.diagram._layout import cached_layout
 
@@ -78,6 +79,15 @@ def test_a_damaged_file_is_made_again(compiled, folder, damage):
         file.write_bytes(DAMAGE[damage](file.read_bytes()))
         assert compiled()
         assert not compiled()
+
+
+def test_a_file_of_another_function_is_made_again(compiled, folder):
+    assert compiled()
+    assert compiled("thrice", 3.0)
+    twice, thrice = sorted(contents(folder), key=lambda file: "thrice" in file.name)
+    twice.write_bytes(thrice.read_bytes())
+    assert compiled()
+    assert not compiled()
 
 
 def test_a_family_whose_file_is_damaged_is_made_again(folder, monkeypatch):
@@ -201,3 +211,16 @@ def test_a_command_answers_the_same_with_every_file_damaged_or_locked(tmp_path, 
     assert answer() == wanted
     hold(tmp_path)
     assert answer(timeout=30) == wanted
+
+
+def test_functions_of_the_user_are_compiled_as_ever(compiled):
+    """Also one that calls what was linked into ours before."""
+    from numba import njit
+
+    source = devices.every()["sexs"]
+    _codegen.jit.compiler().callback(_codegen._module("sexs", source, complex), complex, "again")
+    assert compiled()
+    assert njit(lambda a, b: phasors.magnitude(a, b))(3.0, 4.0) == 5.0
+    with pytest.raises(ZeroDivisionError, match="division by zero"):
+        njit(lambda a, b: a / b)(1.0, 0.0)
+    assert njit(lambda z, n: np.exp(z) ** n)(1j, 2) == pytest.approx(np.exp(2j))

@@ -2,12 +2,14 @@
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
 import pytest
+from test_docs import commands, same, tokens
 
 ROOT = Path(__file__).parents[2]
 ALONE = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
@@ -20,7 +22,7 @@ def installed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("wheel")
     python = folder / "venv" / "bin" / "python"
     told = {"check": True, "capture_output": True, "env": ALONE}
-    subprocess.run([sys.executable, "-m", "build", "--wheel", "--outdir", folder, ROOT], **told)
+    subprocess.run([sys.executable, "-m", "build", "--outdir", folder, ROOT], **told)  # the wheel from the archive
     subprocess.run([sys.executable, ROOT / "tools" / "make_venv.py", folder / "venv"], **told)
     (wheel,) = folder.glob("*.whl")
     subprocess.run([python, "-m", "pip", "install", "-q", wheel], **told)
@@ -110,3 +112,26 @@ def test_a_library_that_is_cut_is_not_opened(compiled, simulated):
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["outcome"] == "stable"
     assert "compiling" in done.stderr
+
+
+def test_the_tour_of_the_readme_runs_without_numba(installed, compiled, tmp_path):
+    """In a clean environment and an empty cache; nothing is compiled."""
+    blocked = "import sys\nsys.modules['numba'] = sys.modules['llvmlite'] = None\n"
+    (tmp_path / "sitecustomize.py").write_text(blocked)
+    where = ALONE | {
+        "XDG_CACHE_HOME": str(tmp_path / "cache"),
+        "PYTHONPATH": f"{tmp_path}:{compiled}",
+        "COLUMNS": "100",
+    }
+
+    def run(*words):
+        done = subprocess.run([installed, *words], capture_output=True, text=True, cwd=tmp_path, env=where)
+        assert done.returncode == 0, done.stderr
+        return done.stdout + done.stderr
+
+    blocks = [(fence.info, fence.content) for fence in tokens(ROOT / "README.md") if fence.type == "fence"]
+    code, shown = ("".join(text for info, text in blocks if info == kind) for kind in ("python", "text"))
+    same(shown, run("-c", code), "README.md")
+    for command, printed in (pair for info, text in blocks if info == "console" for pair in commands(text)):
+        same(printed, run("-m", *shlex.split(command)), command)
+    assert not list((tmp_path / "cache").rglob("*.obj"))
