@@ -94,6 +94,7 @@ def test_other_events_keep_their_time_from_the_fault(two_area):
         (replace(AT_7, at="2s"), 0.0, 0.1 + 0.3),  # its own instant is ignored
         (Contingency("7", trip="7-8", at="1s", events="7:+1MW@1.5s"), 0.0, 0.5 + 0.3),
         (Contingency("7", trip="7-8", at="1s", events="7:+1MW@0.8s"), 0.2, 0.2 + 0.1 + 0.3),
+        (Contingency("7", trip="7-8", at="1s", events=["7:+1MW@0.8s", "7:+1MW@1.5s"]), 0.2, 0.2 + 0.5 + 0.3),
     ],
 )
 def test_a_run_ends_when_fault_clearing_and_observation_are_over(two_area, one, begins, ends):

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -106,6 +107,16 @@ def test_lines_bridges_and_twins(cases):
     assert named == ["7-8 8-9", "5-6 10-11 6-7 9-10", "7-8#2 8-9#2"]
     large = lines(cases("wnaps"))
     assert (len(large.screened), len(large.bridges)) == (95, 6)
+
+
+def test_a_parallel_circuit_written_from_its_other_end_is_a_twin_too(cases):
+    case = cases("two_area")
+    ends, turned = [(k.from_bus, k.to_bus) for k in case.branches], list(case.branches)
+    for row in (k for k, one in enumerate(ends) if one in ends[:k]):
+        turned[row] = turned[row]._replace(from_bus=ends[row][1], to_bus=ends[row][0])
+    found = lines(replace(case, branches=tuple(turned)))
+    assert found.screened == lines(case).screened
+    assert " ".join(map(str, found.twins)) == "8-7#2 9-8#2"
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from systems import EXDC2, ROUND, small
+from systems import EXDC2, ROUND, small, with_shares
 
 from stabctl._util.errors import StudyError
 from stabctl.design._adjoint import Shown, gradients
@@ -69,6 +69,12 @@ def test_gradients_are_the_limits_of_differences(cases, name, fault):
     assert differ < 3e-5  # two_area 1.1e-6, wscc9 4.8e-6: voltages are found to 1e-7 pu
     acted = any((part.held > 0).any() and (part.clipped != 0).any() for part in made)
     assert acted == (name == "two_area")  # limits of the field voltage
+
+
+@pytest.mark.parametrize("bus", [7, 9])
+def test_so_they_are_after_a_step_of_any_load(cases, bus):
+    point = with_shares(cases("two_area"), p_current=1.0).initialize(storage="40MW")
+    assert _differ(point, f"{bus}:+100MW@0.1s")[0] < 3e-5  # 3.9e-6, 8.1e-7
 
 
 def test_a_limit_moves_with_the_signal_that_scales_it():

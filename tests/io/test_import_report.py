@@ -64,6 +64,12 @@ def test_a_whole_system_stands_still(files, stabctl):
     assert found["drift_pu"] < 1e-7  # 1e-8
 
 
+@pytest.mark.parametrize(("more", "said"), [("", 0), ("0 0", 0), ("0 7", 1)])
+def test_further_constants_that_are_not_0_are_said(files, more, said):
+    notes = st.load(files(GOVERNED.replace("-5 5 /", f"-5 5 {more} /"))).notes
+    assert sum("SEXS of 102/1: 2 further constants are not used." in note for note in notes) == said
+
+
 def test_what_is_not_supported_is_named_once_with_file_and_line(files, stabctl):
     raw = files(f"101 'GENCLS' 1 0 0 /\n{GENROU}103 'UFLSBL' 1 59 /\n\n102 'WTRLY0' 1 1 2 /\n", FACTS)
     code, out, _ = stabctl("import", raw, "--json", "--no-check")

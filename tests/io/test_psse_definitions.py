@@ -377,3 +377,19 @@ def test_a_time_constant_that_is_bypassed_is_said(TE, short):
     par, said = dyr.parameters(record, model, order, None)
     assert par.TA == TE
     assert said == [f"TA = {TE:g} s is below 1 ms, where a lag is bypassed."] * short
+
+
+def test_the_new_swing_bus_is_in_the_island_of_the_old_one(tmp_path):
+    """Machine 11 has no model; 13 is larger than 12, but in an island of its own."""
+    numbers = zip(KV.items(), (3, 2, 3, 1), strict=True)
+    bus = [f"{n},'B{n}', {kv}, {kind}, 4, 8, 15, 1.0, 0.0, 1.1, 0.9, 1.12, 0.88" for (n, kv), kind in numbers]
+    generator = [
+        GENERATOR.format(node="").replace("11,'1'", f"{n},'1'").replace("120.0", mva)
+        for n, mva in ((11, "120.0"), (12, "60.0"), (13, "500.0"))
+    ]
+    ends = ((11, 12), (13, 14))
+    branch = [f"{a},{b},'1', 0.01, 0.1, 0.02, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0.0" for a, b in ends]
+    raw(tmp_path, bus=bus, generator=generator, branch=branch)
+    (tmp_path / "x.dyr").write_text("".join(f"{n} 'GENCLS' 1 4.0 0.0 /\n" for n in (12, 13)))
+    case = st.load(tmp_path / "x.raw", missing="injection")
+    assert [b.bus for b in case.buses if b.kind == "swing"] == [12, 13]

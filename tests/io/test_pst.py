@@ -173,6 +173,22 @@ def test_what_has_no_model_is_named(written):
     assert not report.complete
 
 
+@pytest.mark.parametrize(
+    ("limits", "read"), [("0.2 -0.1", (0.2, -0.1)), ("0.1 0", (0.1, 0)), ("0 -0.1", (0, -0.1)), ("0 0", (10, -10))]
+)
+def test_one_limit_of_a_stabilizer_may_be_0_and_without_any_there_is_none(written, limits, read):
+    text = SMALL + f"pss_con = [1 1 9 10 0.1 0.02 0.1 0.02 {limits}];\n"
+    par = st.load(written(text)).devices["pss"][1]
+    assert (par.Vmax, par.Vmin) == read
+
+
+def test_the_disturbance_of_a_file_is_said_as_options():
+    (said,) = (note for note in st.load(FILES / "data3m9b.m").notes if "sw_con" in note)
+    options, later = said.split("sw_con is ")[1].split("; ")
+    assert options == "--fault 4 --trip 4-5 --at 0.1s --clear 0.05s"
+    assert later == "its far end opens 0.05 s later, here with the near end."
+
+
 def test_the_command_line_reads_it(stabctl, written):
     code, out, _ = stabctl("import", written(SMALL))
     assert code == 0

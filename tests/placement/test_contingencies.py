@@ -4,7 +4,7 @@ import pytest
 
 from stabctl._util.errors import StudyError
 from stabctl.clearing import ClearingTime, Lines, Screen, Search
-from stabctl.placement.contingencies import clearing_s, contingencies, from_screen, packaged
+from stabctl.placement.contingencies import clearing_s, contingencies, from_screen, packaged, without_fault
 from stabctl.simulation.contingency import Contingency
 
 GOOD = '[[contingency]]\nfault = "16"\ntrip = "16-21"\nclear = "6cyc"\n'
@@ -134,6 +134,12 @@ def test_impedances_and_machine_trips_of_a_file(read):
     assert [(e.machine, e.at) for e in second.events] == [(9, pytest.approx(1.5)), (8, pytest.approx(1.2))]
     assert (third.fault, [(e.machine, e.at) for e in third.events]) == (None, [(9, 1.0)])
     assert (fourth.fault, str(fourth.trip)) == (None, "('16-21',)")
+
+
+def test_without_a_fault_time_begins_with_the_first_event(cases):
+    moved, last = without_fault(Contingency(trip="16-21", at="2s", events="16-24@2.5s"), cases("ieee39"))
+    assert sorted(event.at for event in moved.events) == [0.0, 0.5]
+    assert last == 0.5
 
 
 def test_a_file_that_cannot_be_read(cases, tmp_path):

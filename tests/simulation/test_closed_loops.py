@@ -169,6 +169,15 @@ def test_a_gain_that_takes_away_more_inertia_than_there_is_is_refused(points):
         point.simulate(None, "1s", control=st.Feedback(0.0, -0.2))
 
 
+def test_a_speed_that_is_no_state_has_no_acceleration_in_any_order_of_the_machines(cases):
+    case = cases("two_area").with_device("regfm_a1", 2)  # with droop: its speed follows its power at once
+    turned = {model: dict(reversed(rows.items())) for model, rows in case.devices.items()}
+    both = [initialize(c, "50MW") for c in (case, replace(case, machines=case.machines[::-1], devices=turned))]
+    assert [int((point.rotors.speed >= point.layout.nx).sum()) for point in both] == [1, 1]
+    one, other = (loop_of(point, st.Feedback(0.05, 0.03, min_voltage=0.0)) for point in both)
+    assert one == pytest.approx(other, rel=1e-9)  # 4e-15
+
+
 @pytest.mark.parametrize("gain", [10.0, 35.0])
 def test_a_ramp_that_is_not_reached_changes_nothing(points, gain):
     """Orders were held over a step, which nothing made short: 8.6 MW after a step of 0.01 MW."""

@@ -59,6 +59,12 @@ def test_circuits_open_without_a_fault(two_area):
     assert str(Contingency(trip="7-8")) == "opening 7-8"
 
 
+def test_another_clearing_time_keeps_the_instant_unless_another_is_given(two_area):
+    one = Contingency("7", clear="6cyc", at="2s")
+    assert one.with_clear("3cyc").timed(two_area) == (Fault("7", 2.0), Clear("7", 2.05))
+    assert one.with_clear("3cyc", at="5s").timed(two_area) == (Fault("7", 5.0), Clear("7", 5.05))
+
+
 def test_other_events_are_records_or_text(two_area):
     texts = "7-8#2@1s", "2@120cyc", "7:+50MW-10Mvar@1.5s"
     records = Open("7-8#2", 1.0), TripMachine(2, 2.0), LoadStep(7, 1.5, 50.0, -10.0)

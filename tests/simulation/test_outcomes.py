@@ -108,6 +108,10 @@ class TestFaultsLeftOn:
         assert outcome.stable is (until < 2)
         assert outcome.message.endswith("The fault at bus 7 is still on: it is not cleared before the end of the run.")
 
+    def test_an_open_circuit_is_no_fault(self, two_area):
+        message = run(two_area, [Open("8-9#2", 0.5), Fault("7-8@0.4", 1.0)], 1.05).outcome.message
+        assert message.endswith(" The fault on circuit 7-8 is still on: it is not cleared before the end of the run.")
+
     def test_several_are_named_and_a_cleared_one_is_not(self, two_area):
         both = run(two_area, [Fault("7-8@0.4", 1.0), Fault("3", 1.0)], 1.05).outcome
         assert "The faults at bus 3 and on circuit 7-8 are still on" in both.message

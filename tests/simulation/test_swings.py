@@ -46,6 +46,25 @@ def test_machines_that_are_alone_or_off_are_not_judged():
     assert swings(0.0, island=np.array([0, 1, 1])).largest == pytest.approx(swings(0.0).largest / 6, rel=1e-6)
 
 
+def beside_a_heavy_one(*swinging):
+    """The swings of B and C, with their amplitudes and growth rates, against a machine A that does not move."""
+    wave = np.cos(3.2 * np.pi * t)
+    angle = np.stack([0 * t, *(size * np.exp(sigma * t) * wave for size, sigma in swinging)], 1)
+    return judged(angle, 300, TOGETHER, np.array([1e9, 1.0, 1.0]), ("A", "B", "C"), 2.5, 0.7)
+
+
+def test_a_swing_that_lasts_is_said_beside_a_larger_one_that_decays():
+    found = beside_a_heavy_one((1.0, -0.1), (0.6, 0.0))
+    assert (found.machine, found.decaying, found.growing, found.lasting) == ("C", False, False, True)
+    assert "machine C swings by 68.7 degrees in the last 2.5 s, by 68.7 before" in str(found)
+
+
+def test_a_machine_that_swings_less_than_half_as_much_is_not_judged():
+    less, more = (beside_a_heavy_one((1.0, -0.5), (size, 0.0)) for size in (0.12, 0.2))  # B swings by 0.43 at last
+    assert (less.machine, less.decaying) == ("B", True)
+    assert (more.machine, more.decaying) == ("C", False)
+
+
 def test_a_growing_oscillation_is_said(points):
     """Without stabilizers, 2.5 s multiply the swings of `two_area_thyristor` by 1.09: exp(2.5 * 0.033)."""
     point = points("two_area_thyristor")

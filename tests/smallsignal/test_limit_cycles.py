@@ -244,6 +244,18 @@ def test_the_closed_loop_with_the_gain_of_a_limit_cycle_neither_decays_nor_grows
         assert np.abs(values - 2j * np.pi * cycle.frequency_hz).min() < 1e-6
 
 
+def test_the_third_harmonic_goes_around_the_loop_at_three_times_the_frequency():
+    trial = CYCLES["relay 1.2 mHz, 200 ms"]
+    found = trial.found(trial.base())
+    (loop,) = found.curves
+    cycles = [cycle for cycle in found.cycles if 3 * cycle.frequency_hz < loop.hz[-1]]
+    assert len(cycles) == 2
+    for cycle in cycles:
+        once, thrice = np.abs(np.interp(np.array([1, 3]) * cycle.frequency_hz, loop.hz, loop.gain))
+        given = loop.acts.third(cycle["controller: order:1@5"].amplitude)
+        assert cycle.third_harmonic == pytest.approx(given * thrice / once, rel=1e-3)  # 1e-4: between two points
+
+
 def test_the_result_prints_itself_and_has_a_table_and_a_figure(cases):
     trial = CYCLES["relay 1.2 mHz, 200 ms"]
     found = trial.found(trial.base())

@@ -3,6 +3,7 @@
 import control
 import numpy as np
 import pytest
+from systems import ROUND, SEXS, small
 
 from stabctl.dynamics import operating_point
 from stabctl.model.tables import Storage
@@ -70,6 +71,23 @@ def test_the_nonlinear_system_has_the_linear_one_as_its_tangent(point):
 
     assert np.allclose(difference(1.0) / difference(0.5), 4, rtol=0.02)  # 4.000, 4.000
     assert np.abs(system.dynamics(0, 0 * x, 0 * u)).max() < 1e-9  # 2e-13
+
+
+def test_so_it_has_for_a_frequency_and_an_order_that_moves_the_power_with_a_lag(point):
+    p = operating_point.solve(point("two_area").case.with_storage([Storage(1, 5, 100.0, lag=0.05)]))
+    names = ["order:1"], ["frequency:5", "frequency:8"]
+    direct, system = linearize(p, *names).D[:, 0], nonlinear(p, *names)
+    assert np.abs(direct).min() > 1e-4  # 4.5e-4
+    assert system.output(0, np.zeros(system.nstates), [1e-4]) / 1e-4 == pytest.approx(direct, rel=1e-3)
+
+
+def test_a_state_at_its_limit_moves_back_and_not_beyond_it():
+    p = operating_point.solve(small({"genrou": ROUND, "sexs": SEXS}))
+    system, limits = nonlinear(p, ["vref:1"]), p.system.limits
+    row, x = system.state_labels.index("field voltage SEXS 1"), np.zeros(system.nstates)
+    x[row] = limits.high[0] - p.s[limits.state[0]]
+    assert system.dynamics(0, x, [0.05])[row] == 0
+    assert system.dynamics(0, x, [-0.05])[row] < 0
 
 
 def test_python_control_simulates_the_nonlinear_system(point):

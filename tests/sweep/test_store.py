@@ -8,7 +8,7 @@ from stabctl._util.errors import StudyError
 from stabctl.jobs import Row, store
 from stabctl.jobs.task import About
 from stabctl.sweep.job import SWEEP, Job
-from stabctl.sweep.results import rows
+from stabctl.sweep.results import read, rows
 
 
 def row(key, message=None, **found):
@@ -32,6 +32,17 @@ def test_a_row_comes_back_as_it_was(tmp_path):
     assert second["message"] == "later"
     with sqlite3.connect(path) as base:
         assert base.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+
+
+def test_what_one_of_the_jobs_has_found_is_a_column(tmp_path):
+    path = tmp_path / "results.db"
+    with Store(path) as kept:
+        for clear, found in (("6cyc", {}), ("20cyc", {"machine": 4})):
+            job = Job("simulate", "two_area", fault="7", clear=clear).given()
+            kept.add(Row(clear, job, {"time_s": 2.5} | found, About("ok", None)))
+    found = read(path)
+    assert found.columns == ("clear", "machine", "time_s")
+    assert found.cells == (("6cyc", None, 2.5), ("20cyc", 4, 2.5))
 
 
 def test_rows_are_read_in_a_folder_that_may_not_be_written(tmp_path, monkeypatch):
