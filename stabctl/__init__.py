@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from stabctl.sweep.results import Results as SweepResults
     from stabctl.sweep.results import read as read_sweep
     from stabctl.sweep.sweep import run_sweep
+    from stabctl.verification.compare import Verification, verify
 
 _WHERE = {
     "BadPmu": "estimation.pmu:BadPmu",
@@ -95,6 +96,7 @@ _WHERE = {
     "Trajectory": "simulation.trajectory:Trajectory",
     "TripMachine": "simulation.events:TripMachine",
     "UnusualData": "model.unusual:UnusualData",
+    "Verification": "verification:Verification",
     "WeakGrid": "smallsignal.weak_grid:WeakGrid",
     "cases": "io:packaged",
     "check": "model.unusual:check",
@@ -122,6 +124,7 @@ _WHERE = {
     "short_circuit": "model.short_circuit:short_circuit",
     "short_circuit_ratio": "model.short_circuit:short_circuit_ratio",
     "simulate": "simulation.simulate:simulate",
+    "verify": "verification:verify",
     "weak_grid": "smallsignal.weak_grid:weak_grid",
     "write": "io:write",
 }  # name -> module:name

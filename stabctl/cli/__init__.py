@@ -30,6 +30,7 @@ COMMANDS: dict[str, str | click.Command] = {
     "estimate": "estimate.estimate",
     "modes": "linear.modes",
     "weak-grid": "linear.weak_grid",
+    "verify": "verify.verify",
     "design": Commands(
         "Design controllers: stabilizers, oscillation dampers, regulators, storage laws.",
         {

@@ -8,7 +8,7 @@ PAGES = {
         "load cases Case Storage write read_psse read_matpower read_pst import_report ImportReport check UnusualData "
         "replicate register "
         "power_flow PowerFlow short_circuit ShortCircuit short_circuit_ratio ShortCircuitRatio "
-        "initialize OperatingPoint StabctlError",
+        "initialize OperatingPoint verify Verification StabctlError",
     ),
     "simulation": (
         "Simulation and sweeps",
