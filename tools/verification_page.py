@@ -38,7 +38,7 @@ def page(found: Verification) -> Iterator[str]:
     yield _table(("System", "Numbers", "Quantity", "Largest difference", "Tolerance"), _rows(found, known))
     yield "## Oscillations that differ\n"
     yield "By more than 0.01 Hz or 0.005 of the damping ratio:\n"
-    yield _table(("System", "Mode", "Published (1/s)", "Here (1/s)", "Why"), _far(found))
+    yield _table(("System", "Mode", "Reference (1/s)", "Here (1/s)", "Why"), _far(found))
     yield "## Sources and conventions\n"
     for name in found.by_system:
         yield f"**{name}.** {' '.join(_about(known[name]))}\n"
@@ -46,10 +46,11 @@ def page(found: Verification) -> Iterator[str]:
 
 def _rows(found: Verification, known: "dict[str, System]") -> Iterator[tuple[str, ...]]:
     for name, rows in found.by_system.items():
+        called = f"{known[name].title} (`{name}`)"
         for row in nearest_to_tolerance(rows):
             count = sum(one.numbers for one in rows if one.quantity == row.quantity)
-            off, limit = f"{row.difference:.2g} {row.unit}", f"{row.tolerance:g}"
-            yield f"{known[name].title} (`{name}`)", str(count), row.quantity, off, limit
+            yield called, str(count), row.quantity, f"{row.difference:.2g} {row.unit}", f"{row.tolerance:g}"
+            called = ""
 
 
 def far(row: Comparison) -> bool:

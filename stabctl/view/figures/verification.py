@@ -1,4 +1,4 @@
-"""Figure of a verification: published oscillations and ours on one plane, and the differences of all numbers."""
+"""Figure of a verification: reference oscillations and ours on one plane, and the differences of all numbers."""
 
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,7 @@ LEAST = 1e-8  # a smaller difference is drawn there
 
 
 def plot(found: Verification) -> "Figure":
-    """Draw published oscillations with ours, and how much every number differs.
+    """Draw the oscillations of the references with ours, and how much every number differs.
 
     Parameters
     ----------
@@ -40,8 +40,8 @@ def plot(found: Verification) -> "Figure":
 
 def _plane(ax: "Axes", found: Verification) -> None:
     rows = [row for row in found.rows if row.swing]
-    for name, marker, color, size in (("published", "o", COLORS[0], 7.0), ("here", "+", COLORS[1], 5.0)):
-        s = np.array([complex(row.published if name == "published" else row.ours) for row in rows])
+    for name, marker, color, size in (("reference", "o", COLORS[0], 7.0), ("here", "+", COLORS[1], 5.0)):
+        s = np.array([complex(row.published if name == "reference" else row.ours) for row in rows])
         ax.plot(s.real, s.imag / (2 * np.pi), marker, mfc="none", mec=color, ms=size, mew=1.1, ls="none", label=name)
     ax.axvline(0, color=GRAY, linewidth=0.8)
     ax.set(xlabel="real part (1/s)", ylabel="frequency (Hz)", ylim=(0, 2.6))
@@ -55,7 +55,7 @@ def _spread(ax: "Axes", found: Verification) -> None:
         off = np.sort([row.difference for row in found.rows if row.quantity == quantity])
         if len(off):
             share = 100 * (np.arange(len(off)) + 1) / len(off)
-            ax.plot(np.maximum(off, LEAST), share, color=color, label=f"{quantity} ({unit}), {len(off)}")
+            ax.plot(np.maximum(off, LEAST), share, ".-", ms=3, color=color, label=f"{quantity} ({unit}), {len(off)}")
     ax.set(xscale="log", xlabel="difference, in the unit of the quantity", ylabel="share of the numbers (%)")
     ax.set_title("Differences not above a value")
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
