@@ -29,8 +29,8 @@ def verify(
 ) -> None:
     """Compare published numbers of known systems, and those of other programs, with ours.
 
-    Power flows, eigenvalues and clearing times. A row per system; with SYSTEM, a row per number. Exit code 1: a
-    difference is above its tolerance.
+    Power flows, eigenvalues and clearing times: the largest difference of every system, or every number of SYSTEM.
+    Exit code 1: a difference is above its tolerance.
     """
     from stabctl.verification import verify
 
@@ -57,8 +57,9 @@ def plain(found: "Verification") -> dict[str, Any]:
 def _systems(found: "Verification") -> Any:
     from rich.table import Table
 
-    table = Table("system", "quantity", "numbers", "largest difference", "tolerance")
-    table.columns[0].no_wrap = True
+    table = Table("system", "quantity", "numbers", "difference", "tolerance")
+    for column in (0, 2, 3, 4):
+        table.columns[column].no_wrap = True
     for name, rows in found.by_system.items():
         for row in nearest_to_tolerance(rows):
             count = sum(one.numbers for one in rows if one.quantity == row.quantity)
@@ -80,7 +81,7 @@ def nearest_to_tolerance(rows: "tuple[Comparison, ...]") -> "list[Comparison]":
 def _numbers(found: "Verification") -> Any:
     from rich.table import Table
 
-    table = Table("quantity", "of", "published", "here", "difference", "tolerance")
+    table = Table("quantity", "of", "reference", "here", "difference", "tolerance")
     for row in found.rows:
         table.add_row(
             f"{row.quantity} ({row.unit})", row.object, number(row.published), number(row.ours),

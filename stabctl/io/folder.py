@@ -18,7 +18,7 @@ from stabctl._util import files
 from stabctl._util.errors import CaseError, StudyError, shown
 from stabctl._util.schema import fields
 from stabctl._util.toml_file import as_text
-from stabctl.model import tables
+from stabctl.model import conventions, tables
 from stabctl.model.case import Case, as_case
 from stabctl.model.checks import RowError
 from stabctl.model.naming import Key
@@ -27,7 +27,8 @@ from stabctl.model.tables import TABLES
 from .table import Row, Table, read, text_from, text_of
 
 PACKAGED = Path(__file__).parent.parent / "model" / "cases"
-ABOUT = {"name": str, "title": str, "source": str, "base_mva": float, "frequency_hz": float, "extends": str}
+ABOUT = {"name": str, "title": str, "source": str, "base_mva": float, "frequency_hz": float}  # of a case
+ENTRIES = {**ABOUT, "extends": str, "conventions": str}  # of case.toml
 NEEDED = "buses", "branches", "machines"  # tables that every folder has
 OVERLAID = {"buses": "bus", "machines": "machine"}  # tables of which an overlay gives single rows, and their keys
 
@@ -47,6 +48,13 @@ def load(name: str | Path) -> Case:
     """
     folder = find(name)
     about = read_about(folder)
+    chosen = about.pop("conventions", None)
+    case = _read(folder, about)
+    return case if chosen is None else conventions.with_conventions(case, chosen)
+
+
+def _read(folder: Path, about: Row) -> Case:
+    """The case with the parameters of its tables."""
     found = read_tables(folder, about)
     if "extends" in about:
         return load_overlay(folder, about, found)
@@ -89,11 +97,14 @@ def read_about(folder: Path) -> Row:
     except (ValueError, RecursionError) as error:
         raise CaseError(f"{path}: it cannot be read as TOML ({error}).") from None
     for key, value in about.items():
-        if key not in ABOUT:
-            raise CaseError(f"{path}: {key!r} is not a valid entry; choose one of {', '.join(ABOUT)}.")
-        wanted = (str, "text") if ABOUT[key] is str else (int | float, "a number")
+        if key not in ENTRIES:
+            raise CaseError(f"{path}: {key!r} is not a valid entry; choose one of {', '.join(ENTRIES)}.")
+        wanted = (str, "text") if ENTRIES[key] is str else (int | float, "a number")
         if isinstance(value, bool) or not isinstance(value, wanted[0]):
             raise CaseError(f"{path}, {key}: {shown(value)} is not allowed; it must be {wanted[1]}.")
+    if about.get("conventions", "pst") not in conventions.KNOWN:
+        known = ", ".join(conventions.KNOWN)
+        raise CaseError(f"{path}, conventions: {shown(about['conventions'])} is not allowed; choose one of {known}.")
     return about
 
 
@@ -169,7 +180,7 @@ def load_overlay(folder: Path, about: Row, found: dict[str, Table]) -> Case:
     """The other case with the changes of this folder. Raises `CaseError` with the location of the error."""
     base = _base(folder, about["extends"])
     case = load(base)
-    parts: dict[str, Any] = {key: getattr(case, key) for key in ABOUT if key not in ("name", "extends")}
+    parts: dict[str, Any] = {key: getattr(case, key) for key in ABOUT if key != "name"}
     parts |= {name: getattr(case, name) for name in TABLES}
     devices = {model: dict(rows) for model, rows in case.devices.items()}
     lines: dict[str, Table] = {}
@@ -280,6 +291,6 @@ def write(case: Case, folder: str | Path) -> Path:
         )
     for name, text in texts.items():
         files.replace(folder / name, text)
-    about = {key: getattr(case, key) for key in ABOUT if key != "extends"}
+    about = {key: getattr(case, key) for key in ABOUT}
     files.replace(folder / "case.toml", "".join(f"{key} = {as_text(value)}\n" for key, value in about.items()))
     return folder

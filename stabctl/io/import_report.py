@@ -13,6 +13,7 @@ from stabctl._util.errors import StabctlError, StudyError
 from stabctl._util.tabular import Tabular
 from stabctl._util.wording import counted, named
 from stabctl.dynamics.violations import Violation
+from stabctl.model import conventions
 from stabctl.model.case import Case
 from stabctl.model.unusual import UnusualData
 
@@ -100,6 +101,7 @@ class ImportReport(Tabular):
         stored, flow, start = self.stored, self.flow, self.start
         exceeded = start.violations if start else ()
         return {
+            "conventions": conventions.of(self.case),
             "records": self.records,
             "supported": self.supported,
             "complete": self.complete,
@@ -217,6 +219,8 @@ def _head(report: ImportReport) -> Iterator[str]:
     yield f"{parts}; {case.frequency_hz:g} Hz, {case.base_mva:g} MVA"
     if case.title:
         yield case.title
+    if said := conventions.of(case):
+        yield f"Machine equations: {said}; --conventions chooses others"
 
 
 def _kinds(report: ImportReport) -> Iterator[str]:

@@ -12,7 +12,7 @@ Source: Power System Toolbox 3; PSS/E Model Library; ANDES, GENROU; G. Rogers, P
 """
 
 from dataclasses import replace
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from stabctl._util.errors import StudyError, shown
 
@@ -30,6 +30,21 @@ class Convention(NamedTuple):
 
 
 KNOWN = {"pst": Convention(1, 0), "psse": Convention(0, 0), "andes": Convention(0, 1), "book": Convention(0, 1)}
+
+
+def of(case: Case) -> str:
+    """Conventions that all machines of a case have, with their meaning; "" if no machine has such a choice."""
+    found: dict[str, set[Any]] = {field: set() for field in Convention._fields}
+    for model, rows in case.devices.items():
+        for field in found.keys() & tables.device_columns(model).keys() if tables.role(model) == "machine" else ():
+            found[field] |= {getattr(par, field) for par in rows.values()}
+    if not any(found.values()):
+        return ""
+    fits = [name for name, own in KNOWN.items() if all(v <= {own[i]} for i, v in enumerate(found.values()))]
+    power = {(1,): "torque", (0,): "power"}.get(tuple(found["torque"]), "power at some and torque at other machines")
+    speed = {(1,): ", speed in the stator voltage", (0,): ", no speed in the stator voltage"}
+    stator = speed.get(tuple(found["speed_factor"]), "")
+    return f"{' or '.join(fits) or 'of several programs'} ({power} as mechanical input{stator})"
 
 
 def with_conventions(case: Case, name: Conventions) -> Case:

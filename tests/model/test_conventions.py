@@ -6,6 +6,7 @@ from systems import CLASSICAL, POLES, ROUND, SEXS, TYPE_J, small
 
 import stabctl as st
 from stabctl._util.errors import StudyError
+from stabctl.model import conventions
 from stabctl.model.conventions import KNOWN
 
 MACHINES = {"genrou": ROUND, "genroe": ROUND, "gensal": POLES, "gensae": POLES, "gentpj1": TYPE_J}
@@ -47,3 +48,28 @@ def test_every_way_to_load_a_case_takes_conventions(stabctl):
     assert own != book
     with pytest.raises(StudyError, match="The conventions 'kundur' are not known; choose one of pst, psse"):
         st.load("two_area", conventions="kundur")
+
+
+def test_a_folder_may_name_its_conventions(tmp_path):
+    folder = tmp_path / "mine"
+    st.write(st.load("two_area"), folder)
+    about = folder / "case.toml"
+    before = about.read_text()
+    about.write_text(before + 'conventions = "book"\n')
+    assert st.load(folder) == st.load("two_area", conventions="book")
+    assert st.load(folder, conventions="psse") == st.load("two_area", conventions="psse")
+    (tmp_path / "over").mkdir()
+    (tmp_path / "over" / "case.toml").write_text('extends = "mine"\n')
+    assert st.load(tmp_path / "over").devices == st.load(folder).devices
+    about.write_text(before + 'conventions = "kundur"\n')
+    with pytest.raises(st.StabctlError, match=r"conventions: 'kundur' is not allowed; choose one of pst, psse"):
+        st.load(folder)
+
+
+def test_the_conventions_of_a_case_are_said():
+    case = st.load("two_area")
+    assert conventions.of(case).startswith("pst (power as mechanical input, speed in the stator voltage)")
+    for name in KNOWN:
+        assert name in conventions.of(case.with_conventions(name)).partition(" (")[0].split(" or ")
+    assert conventions.of(case.set("genrou.1.torque", 1)).startswith("of several programs (power at some and torque")
+    assert conventions.of(case.classical()) == ""
