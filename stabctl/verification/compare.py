@@ -184,7 +184,8 @@ class Verification(Tabular):
         if swings:
             text += f" {near} of {counted(len(swings), 'oscillation')} within 0.01 Hz and 0.005 of the damping ratio."
         if self.missing:
-            text += f"\nNot compared, as their files are not on this computer (stabctl verify --download): {', '.join(self.missing)}."
+            text += "\nNot compared, as their files are not on this computer (stabctl verify --download): "
+            text += f"{', '.join(self.missing)}."
         return text
 
 
