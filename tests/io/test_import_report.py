@@ -9,6 +9,7 @@ import stabctl as st
 
 THREE = DATA / "psid/GENROU/ThreeBusMulti.raw"
 KEYS = [
+    "conventions",
     "records",
     "supported",
     "complete",
