@@ -39,7 +39,7 @@ UNITS = {
     "active power": "MW",
     "reactive power": "Mvar",
     "eigenvalue": "1/s",
-    "mode": "Hz",
+    "mode": "1/s",  # compared as an eigenvalue
     "clearing time": "s",
 }
 PAIRS = "eigenvalue", "mode"  # quantities of two numbers
@@ -214,7 +214,7 @@ def verify(
 
     Examples
     --------
-    >>> print(st.verify("wscc9"))
+    >>> print(st.verify("wscc9_sauer_pai"))
     """
     known, where = systems(), folder_of(folder)
     if system is not None and system not in known:

@@ -65,7 +65,7 @@ def test_a_mode_is_an_eigenvalue_of_its_frequency_and_damping():
     s = compare._value(row)
     assert s.imag / (2 * math.pi) == pytest.approx(1.2)
     assert -s.real / abs(s) == pytest.approx(0.05)
-    same = compare.Comparison("x", "mode", "swing", s, s + 2j * math.pi * 0.01, "Hz", 0.1, "", "")
+    same = compare.Comparison("x", "mode", "swing", s, s + 2j * math.pi * 0.01, "1/s", 0.1, "", "")
     assert same.hz_and_damping[0] == pytest.approx(0.01)
     assert same.hz_and_damping[1] == pytest.approx(0, abs=1e-3)
     assert same.numbers == 2
