@@ -7,9 +7,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from stabctl.cli.verify import nearest_to_tolerance, number
-from stabctl.verification import Comparison, Verification, verify
-from stabctl.verification.compare import PAIRS
+from stabctl.verification import Verification, verify
+from stabctl.verification.compare import text
 from stabctl.verification.systems import System, systems
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -34,42 +33,31 @@ def page(found: Verification) -> Iterator[str]:
     yield INTRODUCTION
     yield f"{found}\n"
     yield "## Systems\n"
-    known = systems()
-    yield _table(("System", "Numbers", "Quantity", "Largest difference", "Tolerance"), _rows(found, known))
+    yield _table(("System", "Numbers", "Quantity", "Largest difference", "Tolerance"), _rows(found))
     yield "## Oscillations that differ\n"
     yield "By more than 0.01 Hz or 0.005 of the damping ratio:\n"
     yield _table(("System", "Mode", "Reference (1/s)", "Here (1/s)", "Why"), _far(found))
     yield "## Sources and conventions\n"
     for name in found.by_system:
-        yield f"**{name}.** {' '.join(_about(known[name]))}\n"
+        yield f"**{name}.** {' '.join(_about(systems()[name]))}\n"
 
 
-def _rows(found: Verification, known: "dict[str, System]") -> Iterator[tuple[str, ...]]:
-    for name, rows in found.by_system.items():
-        called = f"{known[name].title} (`{name}`)"
-        for row in nearest_to_tolerance(rows):
-            count = sum(one.numbers for one in rows if one.quantity == row.quantity)
-            yield called, str(count), row.quantity, f"{row.difference:.2g} {row.unit}", f"{row.tolerance:g}"
-            called = ""
-
-
-def far(row: Comparison) -> bool:
-    """Whether an oscillation differs by more than 0.01 Hz or 0.005 of the damping ratio."""
-    hz, damping = row.hz_and_damping
-    return row.quantity in PAIRS and row.swing and (abs(hz) > 0.01 or abs(damping) > 0.005)
+def _rows(found: Verification) -> Iterator[tuple[str, ...]]:
+    last = ""
+    for row, count in found.largest():
+        called = f"{systems()[row.system].title} (`{row.system}`)" if row.system != last else ""
+        yield called, str(count), row.quantity, f"{row.difference:.2g} {row.unit}", f"{row.tolerance:g}"
+        last = row.system
 
 
 def _far(found: Verification) -> Iterator[tuple[str, ...]]:
-    for row in filter(far, found.rows):
-        yield f"`{row.system}`", row.object, number(row.published), number(row.ours), row.reason
+    for row in found.rows:
+        if row.far:
+            yield f"`{row.system}`", row.object, text(row.published), text(row.ours), row.reason
 
 
 def _about(of: System) -> Iterator[str]:
-    yield f"{of.source}."
-    if of.conventions:
-        yield f"Assumed: {of.conventions}."
-    if of.reason:
-        yield of.reason
+    yield from of.sentences()
     if of.files:
         yield f"Data: {', '.join(f'[{one.name}]({one.url})' for one in of.files)} ({of.license})."
 

@@ -1,6 +1,5 @@
 """`stabctl verify`: reference numbers of known systems beside ours."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -33,6 +32,7 @@ def verify(
     Exit code 1: a difference is above its tolerance.
     """
     from stabctl.verification import verify
+    from stabctl.verification.systems import systems
 
     shared.file(plot, ".png", ".svg", ".pdf")
     found = verify(system, folder=folder, download_missing=download)
@@ -43,7 +43,8 @@ def verify(
     else:
         console = shared.console()
         console.print(_numbers(found) if system else _systems(found))
-        for sentence in (*(_about(system) if system else ()), *str(found).splitlines()):
+        about = systems()[system] if system else None
+        for sentence in (*((f"{about.title}.", *about.sentences()) if about else ()), *str(found).splitlines()):
             console.print(sentence, highlight=False)
     if found.outside:
         raise SystemExit(OUTSIDE)
@@ -57,53 +58,29 @@ def plain(found: "Verification") -> dict[str, Any]:
 def _systems(found: "Verification") -> Any:
     from rich.table import Table
 
-    table = Table("system", "quantity", "numbers", "difference", "tolerance")
+    table, last = Table("system", "quantity", "numbers", "difference", "tolerance"), ""
     for column in (0, 2, 3, 4):
         table.columns[column].no_wrap = True
-    for name, rows in found.by_system.items():
-        for row in nearest_to_tolerance(rows):
-            count = sum(one.numbers for one in rows if one.quantity == row.quantity)
-            table.add_row(
-                name, f"{row.quantity} ({row.unit})", str(count), f"{row.difference:.2g}", f"{row.tolerance:g}"
-            )
-            name = ""
+    for row, count in found.largest():
+        table.add_row(row.system if row.system != last else "", _what(row), str(count), *_off(row))
+        last = row.system
     return table
-
-
-def nearest_to_tolerance(rows: "tuple[Comparison, ...]") -> "list[Comparison]":
-    """Of each quantity the row whose difference is the largest part of its tolerance."""
-    return [
-        max((row for row in rows if row.quantity == quantity), key=lambda row: row.difference / row.tolerance)
-        for quantity in dict.fromkeys(row.quantity for row in rows)
-    ]
 
 
 def _numbers(found: "Verification") -> Any:
     from rich.table import Table
 
+    from stabctl.verification.compare import text
+
     table = Table("quantity", "of", "reference", "here", "difference", "tolerance")
     for row in found.rows:
-        table.add_row(
-            f"{row.quantity} ({row.unit})", row.object, number(row.published), number(row.ours),
-            f"{row.difference:.2g}", f"{row.tolerance:g}",
-        )  # fmt: skip
+        table.add_row(_what(row), row.object, text(row.published), text(row.ours), *_off(row))
     return table
 
 
-def _about(name: str) -> Iterator[str]:
-    """What the numbers of a system are, and why some differ."""
-    from stabctl.verification.systems import systems
-
-    about = systems()[name]
-    yield f"{about.title}. {about.source}."
-    if about.conventions:
-        yield f"Assumed: {about.conventions}."
-    if about.reason:
-        yield about.reason
+def _what(row: "Comparison") -> str:
+    return f"{row.quantity} ({row.unit})"
 
 
-def number(value: float | complex) -> str:
-    """A number, or an eigenvalue as real part +- imaginary part."""
-    if isinstance(value, complex):
-        return f"{value.real:.6g} ± {value.imag:.6g}j" if value.imag else f"{value.real:.6g}"
-    return f"{value:.7g}"
+def _off(row: "Comparison") -> tuple[str, str]:
+    return f"{row.difference:.2g}", f"{row.tolerance:g}"

@@ -7,6 +7,7 @@ source and the case must have the same reference.
 
 import csv
 import math
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -44,6 +45,7 @@ UNITS = {
 }
 PAIRS = "eigenvalue", "mode"  # quantities of two numbers
 RESOLUTION = "1ms"  # of clearing times
+NEAR = 0.01, 0.005  # Hz, damping ratio
 SWING = 0.1, 5.0  # Hz   an oscillation in between is counted with the swings
 
 
@@ -117,6 +119,12 @@ class Comparison:
         theirs, ours = complex(self.published), complex(self.ours)
         return (ours.imag - theirs.imag) / (2 * math.pi), theirs.real / abs(theirs) - ours.real / abs(ours)
 
+    @property
+    def far(self) -> bool:
+        """Whether it is an oscillation that differs by more than 0.01 Hz or 0.005 of the damping ratio."""
+        hz, damping = map(abs, self.hz_and_damping)
+        return self.swing and not (hz <= NEAR[0] and damping <= NEAR[1])
+
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Verification(Tabular):
@@ -150,6 +158,13 @@ class Verification(Tabular):
         names = dict.fromkeys(row.system for row in self.rows)
         return {name: tuple(row for row in self.rows if row.system == name) for name in names}
 
+    def largest(self) -> Iterator[tuple[Comparison, int]]:
+        """Of every system and quantity the row nearest to its tolerance, or most beyond it, and how many numbers."""
+        for rows in self.by_system.values():
+            for quantity in dict.fromkeys(row.quantity for row in rows):
+                mine = [row for row in rows if row.quantity == quantity]
+                yield max(mine, key=lambda row: row.difference / row.tolerance), sum(row.numbers for row in mine)
+
     @property
     def df(self) -> "pd.DataFrame":
         """A row per comparison; eigenvalues in two columns."""
@@ -177,12 +192,13 @@ class Verification(Tabular):
         )
 
     def __str__(self) -> str:
-        swings = [row.hz_and_damping for row in self.rows if row.swing]
-        near = sum(abs(hz) <= 0.01 and abs(damping) <= 0.005 for hz, damping in swings)
+        swings = [row for row in self.rows if row.swing]
+        near = sum(not row.far for row in swings)
         beyond = "all within their tolerances" if not self.outside else f"{len(self.outside)} beyond their tolerance"
         text = f"{self.numbers} reference numbers of {counted(len(self.by_system), 'system')}: {beyond}."
         if swings:
-            text += f" {near} of {counted(len(swings), 'oscillation')} within 0.01 Hz and 0.005 of the damping ratio."
+            limits = f"within {NEAR[0]} Hz and {NEAR[1]} of the damping ratio"
+            text += f" {near} of {counted(len(swings), 'oscillation')} {limits}."
         if self.missing:
             text += "\nNot compared, as their files are not on this computer (stabctl verify --download): "
             text += f"{', '.join(self.missing)}."
@@ -220,13 +236,15 @@ def verify(
     if system is not None and system not in known:
         raise StudyError(f"There are no reference numbers of {shown(system)}; those of {', '.join(known)} are known.")
     rows: list[Comparison] = []
-    missing = []
+    missing, given = [], defaultdict(list)
+    for row in published():
+        given[row.system].append(row)
     for name in known if system is None else [system]:
         about = known[name]
         if download_missing:
             download(about, where)
         if present(about, where):
-            rows += compare(about, where, [row for row in published() if row.system == name])
+            rows += compare(about, where, given[name])
         elif system is not None:
             raise StudyError(
                 f"The data of {name} may not be passed on with this program (license: {about.license}); add --download "
@@ -312,3 +330,10 @@ def _nearest(eigenvalues: np.ndarray, rows: Sequence[Published]) -> list[complex
     distance = np.abs(wanted[:, None] - found) / (0.1 + np.abs(wanted))[:, None]
     nearest = dict(zip(*map(list, linear_sum_assignment(distance)), strict=True))
     return [complex(found[nearest[i]]) if i in nearest else complex("nan") for i in range(len(rows))]
+
+
+def text(value: float | complex) -> str:
+    """A number, or an eigenvalue as real part ± imaginary part."""
+    if isinstance(value, complex):
+        return f"{value.real:.6g} ± {value.imag:.6g}j" if value.imag else f"{value.real:.6g}"
+    return f"{value:.7g}"

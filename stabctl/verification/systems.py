@@ -2,7 +2,7 @@
 
 import tomllib
 import urllib.request
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from hashlib import sha256
@@ -52,7 +52,7 @@ class System(NamedTuple):
     lines : tuple
         Lines that the source has, and its data do not: buses, r, x, b (pu).
     without : tuple of str
-        Models that the source leaves out.
+        Models in its data that the source leaves out.
     classical : bool
         Whether the machines are classical ones.
     conventions : str
@@ -95,27 +95,28 @@ class System(NamedTuple):
             values |= {f"{table}.{one}.{column}": value for one in keys}
         return case.set(values) if values else case
 
+    def sentences(self) -> Iterator[str]:
+        """Its source, what its numbers assume, and why some differ."""
+        yield f"{self.source}."
+        if self.conventions:
+            yield f"Assumed: {self.conventions}."
+        if self.reason:
+            yield self.reason
+
 
 @cache
 def systems() -> Mapping[str, System]:
     """Every system by its name, in the order of the file."""
     given = tomllib.loads((HERE / "systems.toml").read_text(encoding="utf-8"))
-    return {name: _system(name, about | given["systems"][name], given["folders"]) for name, about in _shared(given)}
-
-
-def _shared(given: Mapping[str, Any]) -> list[tuple[str, dict[str, Any]]]:
-    """Name of each system, and what it has in common with others of its group."""
-    return [(name, given["groups"].get(about.get("group", ""), {})) for name, about in given["systems"].items()]
-
-
-def _system(name: str, about: dict[str, Any], folders: Mapping[str, str]) -> System:
-    """A system; the address of a file is that of a folder and the rest of the path."""
-    wanted = []
-    for called, folder, path, digest in about.get("files", ()):
-        wanted.append(File(called, f"{folders[folder]}/{path}", digest))
-    rest = {key: value for key, value in about.items() if key not in ("group", "files", "without")}
-    rest = {"case": wanted[0].name if wanted else ""} | rest
-    return System(name=name, files=tuple(wanted), without=tuple(about.get("without", ())), **rest)
+    found = {}
+    for name, own in given["systems"].items():
+        about = given["groups"].get(own.pop("group", ""), {}) | own
+        wanted = tuple(
+            File(called, f"{given['folders'][folder]}/{path}", digest)
+            for called, folder, path, digest in about.pop("files", ())
+        )
+        found[name] = System(**{"name": name, "case": wanted[0].name if wanted else ""} | about | {"files": wanted})
+    return found
 
 
 def folder_of(given: str | Path | None) -> Path:

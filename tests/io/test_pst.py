@@ -12,8 +12,8 @@ from stabctl._util.errors import CaseError, StabctlError
 from stabctl.io import pst
 from stabctl.io.import_report import import_report
 
-FILES = Path(__file__).parents[1] / "reference" / "pst"
-NAMES = sorted(path.stem for path in FILES.glob("*.m"))
+FOLDERS = Path(__file__).parents[1] / "reference" / "pst", Path(st.__file__).parent / "verification" / "cases"
+FILES = {path.stem: path for folder in FOLDERS for path in sorted(folder.glob("*.m"))}
 SMALL = """% a machine at an infinite bus
 disp('two machines')
 bus = [...
@@ -48,14 +48,14 @@ def tables(case):
 
 def test_the_modes_of_a_published_system():
     """G. Rogers, Power System Oscillations, 2025, stored result of d2aem: four classical machines."""
-    found = st.load(FILES / "d2aem.m").initialize().modes().eigenvalues
+    found = st.load(FILES["d2aem"]).initialize().modes().eigenvalues
     for published in (3.531868j, 7.509163j, 7.574632j):
         assert np.abs(found - published).min() < 2e-5  # 6e-6
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FILES)
 def test_a_file_starts_in_equilibrium(name):
-    report = import_report(FILES / f"{name}.m")
+    report = import_report(FILES[name])
     assert {one.kind for one in report.unsupported} == ({"svc_con"} if name == "data2a" else set())
     assert report.start.rate < 1e-6
     assert report.start.drift < 1e-6
@@ -183,7 +183,7 @@ def test_one_limit_of_a_stabilizer_may_be_0_and_without_any_there_is_none(writte
 
 
 def test_the_disturbance_of_a_file_is_said_as_options():
-    (said,) = (note for note in st.load(FILES / "data3m9b.m").notes if "sw_con" in note)
+    (said,) = (note for note in st.load(FILES["data3m9b"]).notes if "sw_con" in note)
     options, later = said.split("sw_con is ")[1].split("; ")
     assert options == "--fault 4 --trip 4-5 --at 0.1s --clear 0.05s"
     assert later == "its far end opens 0.05 s later, here with the near end."
@@ -211,7 +211,7 @@ def attempt(path):
 def test_damaged_files_are_read_or_refused_in_a_sentence(written):
     """500 files with characters, words and lines changed: never a traceback, and what is read is in balance."""
     rng, read = random.Random(48), 0
-    text = [(FILES / f"{name}.m").read_text() for name in ("d2asbegp", "data2a", "data3m9b")]
+    text = [FILES[name].read_text() for name in ("d2asbegp", "data2a", "data3m9b")]
     for _ in range(500):
         lines = rng.choice(text).split("\n")
         for _ in range(rng.randint(1, 3)):
