@@ -12,6 +12,7 @@ from .pod import pod
 from .pss import gep, pss
 from .quadratic import Regulator
 from .result import Design
+from .tuning import Tuned, damper, pi, stabilizers, tune, values
 
 __all__ = [
     "Design",
@@ -22,6 +23,8 @@ __all__ = [
     "Outages",
     "Pairs",
     "Regulator",
+    "Tuned",
+    "damper",
     "evidence",
     "gep",
     "law",
@@ -30,6 +33,10 @@ __all__ = [
     "optimum",
     "outages",
     "pairs",
+    "pi",
     "pod",
     "pss",
+    "stabilizers",
+    "tune",
+    "values",
 ]

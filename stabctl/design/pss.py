@@ -16,13 +16,13 @@ from stabctl._util.errors import StudyError, shown
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.timing import duration
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
-from stabctl.model import naming, tables
 from stabctl.model.case import Case
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.model import Linear, Model, linearize
 
 from ._phase_compensation import fitted
 from ._tuning import Loop, Scenario, common, separate, worst
+from .machines import with_exciter, without_stabilizers
 from .outages import Outages
 from .result import Design, Requirement, largest_gain, operating_points
 
@@ -85,7 +85,7 @@ def pss(
     if not 0 < max_gain <= LARGEST:
         raise StudyError(f"max_gain = {shown(max_gain)} is not allowed; give a gain above 0 and up to {LARGEST:g} pu.")
     given = operating_points(base)
-    numbers = _machines(given[0].case, machines)
+    numbers = with_exciter(given[0].case, machines)
     points = [_without_stabilizers(point, numbers) for point in given]
     hz = np.geomspace(*band, POINTS)
     model = linearize(points[0], [f"vs:{n}" for n in numbers], [f"pe:{n}" for n in numbers])
@@ -111,28 +111,9 @@ def pss(
     return replace(found, remarks=(*found.remarks, *_remarks(found, max_gain)))
 
 
-def _machines(case: Case, machines: Iterable[int] | None) -> list[int]:
-    """The machines that get a stabilizer."""
-    if machines is not None and (isinstance(machines, str) or not isinstance(machines, Iterable)):
-        raise StudyError(f"machines = {shown(machines)} is not a list of machines; give [1, 2], for example.")
-    with_exciter = [m.machine for m in case.machines if case.model(m.machine, "exciter")]
-    numbers = with_exciter if machines is None else [case.machine(n).machine for n in machines]
-    for n in numbers:
-        if n not in with_exciter:
-            raise StudyError(
-                f"Machine {n} of {case.name} has no exciter, so it can have no stabilizer; choose other machines."
-            )
-    if not numbers:
-        raise StudyError(f"{case.name} has no machine with an exciter, so it can have no stabilizer.")
-    return numbers
-
-
 def _without_stabilizers(point: OperatingPoint, numbers: Sequence[int]) -> OperatingPoint:
     """The operating point without the stabilizers that some machines have."""
-    case = point.case
-    for model in tables.of_role("stabilizer"):
-        places = set(numbers) & set(map(naming.number, case.devices.get(model, ())))
-        case = case.without_device(model, sorted(places)) if places else case
+    case = without_stabilizers(point.case, numbers)
     return point if case is point.case else operating_point(case)
 
 

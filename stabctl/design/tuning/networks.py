@@ -1,0 +1,130 @@
+"""The networks that a tuning serves: outages, load levels, and networks after contingencies."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from stabctl._util.errors import StabctlError, StudyError, shown
+from stabctl.dynamics.operating_point import OperatingPoint, operating_point, solve
+from stabctl.model import naming
+from stabctl.model.case import Case
+from stabctl.simulation.contingency import Contingency
+
+from ..outages import Outages, outages
+from ..result import operating_points
+from .blocks import Variable
+from .devices import Device, Values, value
+
+Shared = tuple[tuple[str, ...], Variable]  # paths of the case that share a variable
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """A network at its power flow.
+
+    Attributes
+    ----------
+    point
+        Its operating point, without what the controllers replace.
+    devices
+        Devices of the case, with what they replace.
+    intact
+        Whether no branch is out of service.
+    """
+
+    point: OperatingPoint
+    devices: Any
+    intact: bool
+
+    @property
+    def name(self) -> str:
+        """Name of its case."""
+        return self.point.case.name
+
+    @property
+    def given(self) -> OperatingPoint:
+        """Its operating point with what the controllers replace."""
+        same = self.devices == self.point.case.devices
+        return self.point if same else solve(replace(self.point.case, devices=self.devices), self.point.flow)
+
+    def tuned(self, of_case: Sequence[Shared], logs: np.ndarray) -> OperatingPoint:
+        """Its operating point with other parameters of the case."""
+        if not of_case:
+            return self.point
+        found: dict[str, float] = {}
+        for (paths, one), x in zip(of_case, np.exp(logs).tolist(), strict=True):
+            found |= {path: x * (value(self.point.case, path) if one.unit == "x" else 1.0) for path in paths}
+        return solve(self.point.case.set(found), self.point.flow)
+
+
+def networks(
+    bases: Any,
+    devices: Sequence[Device],
+    which: str,
+    levels: Iterable[float],
+    contingencies: Iterable[Contingency | str],
+) -> tuple[list[Network], list[tuple[str, str]]]:
+    """Every network with its operating point, without what the devices replace; and those left out, with the reason."""
+    if which not in ("all", "none"):
+        raise StudyError(f"outages = {shown(which)} is not allowed; choose 'all' or 'none'.")
+    known = isinstance(bases, Outages)
+    points, shares = operating_points(bases), [1.0] if known else list(levels)
+    if not shares:
+        raise StudyError("levels names no load level; give 1.0, for example.")
+    several = [c if isinstance(c, Contingency) else Contingency(c) for c in contingencies]
+    found: list[Network] = []
+    left_out: list[tuple[str, str]] = []
+    for point in points:
+        for level in shares:
+            case = point.case if level == 1 else point.case.with_load_level(level)
+            name = case.name if level == 1 else f"{case.name} at {100 * level:g} %"
+            case = replace(case, name=name)
+            bare = _prepared(case, devices)
+            try:
+                own = [operating_point(bare) if bare is not point.case else point]
+            except StabctlError as error:
+                if point is points[0] and level == 1:
+                    raise
+                left_out.append((name, reason(error)))
+                continue
+            if which == "all" and not known:
+                made, out = _outages(own[0])
+                own += made
+                left_out += out
+            for c in several:
+                try:
+                    own.append(operating_point(_after(bare, c)))
+                except StabctlError as error:
+                    left_out.append((f"{name} after {c.label}", reason(error)))
+            found += [Network(one, case.devices, not known and one is own[0]) for one in own]
+    return found, left_out
+
+
+def _outages(point: OperatingPoint) -> tuple[list[OperatingPoint], list[tuple[str, str]]]:
+    """The outages of a point, if any has an operating point."""
+    try:
+        every = outages(point)
+    except StudyError as error:
+        return [], [(f"outages of {point.case.name}", reason(error))]
+    return list(every.points[1:]), [(f"{point.case.name} without {name}", why) for name, why in every.left_out]
+
+
+def reason(error: Exception) -> str:
+    """The first part of an error's sentence."""
+    return str(error).partition(";")[0].rstrip(".")
+
+
+def _after(case: Case, c: Contingency) -> Case:
+    """The case without the circuits that a contingency opens."""
+    gone = {naming.row(case, "branches", str(k)) for k in c.placed(case).opened}
+    rest = tuple(b for i, b in enumerate(case.branches) if i not in gone)
+    return replace(case, name=f"{case.name} after {c.label}", branches=rest)
+
+
+def _prepared(case: Case, devices: Sequence[Device]) -> Case:
+    for one in devices:
+        if not isinstance(one, Values):
+            case = one.prepared(case)
+    return case

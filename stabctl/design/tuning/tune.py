@@ -1,0 +1,181 @@
+"""Tuning of every controller at once, over every network that may occur."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Literal
+
+from stabctl._util import process
+from stabctl._util.errors import StudyError, shown
+from stabctl._util.units import quantity
+from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.model.case import Case
+from stabctl.simulation.contingency import Contingency
+
+from ..outages import Outages
+from .devices import Device, Single, Stabilizers, Values, stabilizers
+from .networks import networks
+from .parts import Asked, Parts
+from .problem import Peak, Problem
+from .result import Tuned
+from .search import Search, Step
+
+ROUNDS = (8, 10, 12, 12)  # steps of the rounds
+GO_ON = (1.0, 0.4, 0.2)  # share of the starts that take part in the first rounds; then the best alone
+MORE = 5e-4  # damping ratio beyond what is asked, while the gains are lowered
+MOST_STARTS = 100
+
+
+def tune(
+    bases: "Case | OperatingPoint | Outages | Sequence[OperatingPoint]",
+    devices: "Device | Iterable[Device] | None" = None,
+    *,
+    damping: float | None = None,
+    outages: Literal["all", "none"] = "all",
+    levels: Iterable[float] = (0.8, 1.0),
+    contingencies: Iterable[Contingency | str] = (),
+    gains: Iterable[float] = (0.7, 1.3),
+    doubled: float | None = 0.0,
+    sensitivity: float | None = 2.0,
+    disk_margin: float | None = None,
+    together: bool = False,
+    one_out: bool = False,
+    starts: int = 5,
+    seed: int = 0,
+    workers: int | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Tuned:
+    """Tune all parameters of stabilizers, dampers and other controllers at once, over many networks.
+
+    The worst damping ratio of all networks is raised: of every mode above 0.1 Hz, those of exciters and controllers
+    included. Once the damping wanted is reached, the gains are lowered. Method: sequential quadratic programs with the
+    derivatives of eigenvalues and of peaks of sensitivity, in a trust region, from several starts; every network is
+    looked at before the end. Local optima may remain.
+
+    Parameters
+    ----------
+    bases : Case, OperatingPoint, Outages, or sequence of OperatingPoint
+        The system, or several, such as other dispatches.
+    devices : device or iterable of devices, optional
+        What is tuned: `stabilizers`, `damper`, `pi`, `values`; by default stabilizers of all machines with an exciter.
+    damping : float, optional
+        Damping ratio wanted; without it, as much as possible.
+    outages : {"all", "none"}
+        Whether every N-1 branch outage of each base is a network, too.
+    levels : iterable of float
+        Load levels of each base, as in `with_load_level`.
+    contingencies : iterable of Contingency or str
+        Contingencies whose networks after clearing are networks, too: those that open several circuits.
+    gains : iterable of float
+        Factors of all gains with which the damping counts, too.
+    doubled : float, optional
+        Damping ratio that must remain with doubled gains; None: not asked.
+    sensitivity : float, optional
+        Bound of the largest sensitivity |S| of every loop, opened at its output with all others closed: 2 leaves a gain
+        margin of at least 6 dB and a phase margin of 29 deg. None: no bound.
+    disk_margin : float, optional
+        Least disk margin of every loop: gain and phase change together. 0.8 bounds |S - 1/2| by 1.25.
+    together : bool
+        Bound the sensitivity and the disk margin of all loops together, not only of each.
+    one_out : bool
+        Count the damping with each controller out of service, in the networks without outage.
+    starts : int
+        Starts of the search; the first is plain, the others are random.
+    seed : int
+        Seed of the starts.
+    workers : int, optional
+        Threads; by default one per core. They do not change the result.
+    progress : callable, optional
+        Called with a text and the share done.
+
+    Returns
+    -------
+    Tuned
+
+    Raises
+    ------
+    StudyError
+        If there is nothing to tune, an argument is invalid, or limits contradict each other.
+
+    Examples
+    --------
+    >>> found = st.design.tune(case, st.design.stabilizers(stages=3, gain=20, fast=300), levels=(1.0,))
+    >>> found.damping, found.controllers, found.parameters
+    """
+    asked = _asked(damping, gains, doubled, sensitivity, disk_margin, together, one_out)
+    if isinstance(starts, bool) or not isinstance(starts, int) or not 1 <= starts <= MOST_STARTS:
+        raise StudyError(f"starts = {shown(starts)} is not allowed; give 1 to {MOST_STARTS}.")
+    kinds = Stabilizers | Single | Values
+    given = [devices] if isinstance(devices, kinds) else [stabilizers()] if devices is None else list(devices)
+    for one in given:
+        if not isinstance(one, kinds):
+            raise StudyError(
+                f"{shown(one)} cannot be tuned; give st.design.stabilizers(), damper(...), pi(...) or values(...)."
+            )
+    tell = progress or (lambda text, share: None)
+    with process.one_thread():
+        tell("networks", 0.0)
+        every, left_out = networks(bases, given, outages, levels, contingencies)
+        parts, unmoved = Parts.of(every, given).movable()
+        problem = parts.problem(asked)
+        best = _searched(problem, parts, asked, (starts, seed, process.used(workers)), tell)
+        tell("modes of all networks", 1.0)
+        return Tuned.found(parts, asked, best, (*left_out, *unmoved))
+
+
+def _asked(
+    damping: Any, gains: Any, doubled: Any, sensitivity: Any, disk_margin: Any, together: bool, one_out: bool
+) -> Asked:
+    def number(name: str, value: Any, low: float, high: float) -> float:
+        found = quantity(value, "-") if isinstance(value, str) else value
+        if isinstance(found, bool) or not isinstance(found, int | float) or not low <= found < high:
+            raise StudyError(f"{name} = {shown(value)} is not allowed; give a number from {low:g} to below {high:g}.")
+        return float(found)
+
+    def optional(name: str, value: Any, low: float, high: float) -> float | None:
+        return None if value is None else number(name, value, low, high)
+
+    factors = tuple(number("a factor in gains", k, 0.01, 100.0) for k in gains)
+    largest, disk = optional("sensitivity", sensitivity, 1.01, 1e6), optional("disk_margin", disk_margin, 0.01, 2.0)
+    peaks = [Peak(largest, 0.0, together)] if largest else []
+    peaks += [Peak(1 / disk, 0.5, together)] if disk else []
+    return Asked(
+        optional("damping", damping, 0.0, 1.0),
+        tuple(k for k in dict.fromkeys(factors) if k != 1),
+        optional("doubled", doubled, -1.0, 1.0),
+        tuple(peaks),
+        one_out,
+    )
+
+
+def _searched(
+    problem: Problem, parts: Parts, asked: Asked, how: tuple[int, int, int], tell: Callable[[str, float], None]
+) -> Search:
+    """The best of several starts, of which fewer go on after each round; at the goal, with lower gains."""
+    starts, seed, workers = how
+    goal = float("inf") if asked.damping is None else asked.damping + MORE
+    done, whole = 0, sum(max(1, round(starts * share)) * steps for share, steps in _rounds())
+
+    def count(step: Step) -> None:
+        nonlocal done
+        done += 1
+        tell(f"worst damping {step.level:.4f}", min(done / whole, 1.0))
+
+    searches = [Search(problem, p, count) for p in parts.starts(problem, starts, seed)]
+    with ThreadPoolExecutor(workers) as pool:
+        for share, steps in _rounds():
+            searches = searches[: max(1, round(starts * share))]
+            list(pool.map(lambda one, n=steps: one.run(n, goal), searches))
+            searches.sort(key=lambda one: -min(one.best[1].value, goal))
+            if searches[0].best[1].reaches(goal):
+                break
+    best = searches[0]
+    if asked.damping is None or not best.best[1].reaches(goal):
+        return best
+    lower = parts.problem(asked, asked.damping + MORE)
+    lowered = Search(lower, best.best[0].p, count).run(sum(ROUNDS))
+    return lowered if lowered.best[1].missed >= -MORE else best
+
+
+def _rounds() -> Iterator[tuple[float, int]]:
+    """Share of the starts and steps of each round."""
+    return zip((*GO_ON, *(0.0 for _ in ROUNDS[len(GO_ON) :])), ROUNDS, strict=True)
