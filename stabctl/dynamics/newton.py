@@ -122,6 +122,21 @@ class Newton:
         worst = int(np.argmax(np.where(np.isfinite(f), np.abs(f), np.inf)))
         raise Unsolved(worst, float(f[worst]))
 
+    def moved(self, s: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """The change of the signals (layout.size) that keeps an equilibrium one.
+
+        Parameters
+        ----------
+        s
+            All signals of the equilibrium.
+        change
+            Changes of the rates, output equations and injections that something else causes, to first order.
+        """
+        first, found = self.nx + self.outputs, np.zeros(len(s))
+        f = np.r_[change[:first], change[first + self.injections]]
+        found[self.unknown] = -self.groups.solve(self._entries(self.equations.entries(s.copy(), self.constants)[0]), f)
+        return found
+
     def _entries(self, derivatives: np.ndarray) -> np.ndarray:
         """Entries of the Jacobian, from those of all equations."""
         return np.concatenate([derivatives[self._inside], np.full(self.outputs, -1.0)])
