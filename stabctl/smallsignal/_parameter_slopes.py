@@ -32,6 +32,7 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.start import automatic
 from stabctl.model import checks, naming, tables
 
+from ._linearization_checks import JUMP, nudges
 from .descriptor import Descriptor
 
 SIDES = {  # points of a difference, in steps -> weights of the values there
@@ -39,15 +40,20 @@ SIDES = {  # points of a difference, in steps -> weights of the values there
     (0.0, 1.0, 2.0): (-1.5, 2.0, -0.5),
     (0.0, -1.0, -2.0): (1.5, -2.0, 0.5),
 }
+ROUNDING = 1e-10  # relative to the largest entry of a row: change that is no kink
 BEND = np.array([1.0, -2.0, 1.0])
 SAME = 1e-6  # relative difference of the eigenvalue from that of the equations
 
 
 class Slope(NamedTuple):
-    """Derivative of the eigenvalue with respect to a parameter, and the difference of the slopes on both sides."""
+    """Derivative of the eigenvalue with respect to a parameter, and by how much it depends on the side.
+
+    The sides are those of the parameter, and of the equilibrium. The difference is infinite if a constant state, such
+    as that of a bypassed block, becomes one of the model.
+    """
 
     slope: complex
-    bend: complex
+    bend: float
 
 
 class ParameterSlopes:
@@ -73,6 +79,9 @@ class ParameterSlopes:
         point, equations, pattern = d.point, d.point.equations, d.point.equations.pattern
         left, self._of_bus, self._right = _vectors(d, s, v, w)
         self._weight = left[pattern.rows] * self._right[pattern.columns]
+        constant = np.ones(pattern.total, bool)
+        constant[d.rows], constant[point.layout.nx :] = False, False
+        self._constant = constant[pattern.rows]  # entries of the rates of constant states, which are none of the model
         self._of_device, self._of_row, self._of_signal = _units(point)
         V = point.flow.V[point.net.machine_bus]
         current = (point.flow.S / V).conj()
@@ -83,6 +92,9 @@ class ParameterSlopes:
         self._given = {f.name: f.k for f in equations.families}
         for name, rows in self.rows.items():
             self._given[name] = np.array([self._constants(name, key, {}) for key in rows], float)
+        self._nudge, size = nudges(point), np.zeros(pattern.total)
+        np.maximum.at(size, pattern.rows, np.abs(equations.entries(point.s.copy())[0]))
+        self._size = size[pattern.rows]  # largest entry of the row
         self._computed = any(f.device.automatic is not None for f in equations.families)
 
     def slopes(self, model: str, name: str, keys: Sequence[naming.Key], step: float) -> dict[naming.Key, Slope | str]:
@@ -152,52 +164,68 @@ class ParameterSlopes:
         weights[:, unit] = np.stack([one.weights for one in batch.values()], axis=1)
         given = []
         for i in range(3):
-            k = self._given[model].copy()
-            k[rows] = [one.k[i] for one in batch.values()]
-            given.append(self._given | {model: k})
+            own = self._given[model].copy()
+            own[rows] = [one.k[i] for one in batch.values()]
+            given.append(self._given | {model: own})
         s, moved = self.point.s, np.zeros(len(self.point.s))
         for _ in range(1 + self._computed):  # parameters that follow from the starting point are known after the first
-            change: Any = 0.0
+            rest, driven = self._values(model, self._all(self._given, s)), np.zeros(self.equations.pattern.total)
             for i in range(3):
-                k = self._all(given[i], s + t[i, self._of_signal] * moved)
-                values = self.equations.entries(s.copy(), _flat(self._opened(k)), swept=False)[1]
-                self._less_sources(model, k[model], values)
-                change = change + weights[i, self._of_row] * values
-            moved = self._newton.moved(s, change)
+                values = self._values(model, self._all(given[i], s + t[i, self._of_signal] * moved))
+                driven += weights[i, self._of_row] * (values - rest)
+            moved = self._newton.moved(s, driven)
+        at = [s + t[i, self._of_signal] * moved for i in range(3)]
+        k = [self._all(given[i], at[i]) for i in range(3)]
+
+        def changes(nudge: np.ndarray | float) -> np.ndarray:
+            """Changes of the entries (3, entries) along the equilibrium, which may be moved by a little."""
+            base = self.equations.entries(s + nudge, swept=False)[0]
+            found = [
+                self.equations.entries(a + nudge, _flat(list(c.values())), swept=False)[0]
+                for a, c in zip(at, k, strict=True)
+            ]
+            return np.array(found) - base
+
+        change, of_entry = changes(0.0), self._of_row[self.equations.rows]
         sums = np.zeros((3, t.shape[1]), complex)
-        of_entry = self._of_row[self.equations.rows]
-        base = self.equations.entries(s.copy())[0]
         for i in range(3):
-            at = s + t[i, self._of_signal] * moved
-            k = self._all(given[i], at)
-            part = (self.equations.entries(at, _flat(list(k.values())), swept=False)[0] - base) * self._weight
-            sums[i] = np.bincount(of_entry, part.real, len(sums[i])) + 1j * np.bincount(of_entry, part.imag, len(sums[i]))
-            sums[i, unit] -= self._of_sources(model, k[model], rows)
-        slopes, bends = (weights * sums).sum(axis=0)[unit], (BEND @ sums)[unit]
-        h = [abs(one.points[2] - one.points[0]) / 2 for one in batch.values()]
-        return {
-            key: Slope(complex(slope), complex(bend / step))
-            for key, slope, bend, step in zip(batch, slopes, bends, h, strict=True)
-        }
+            part = change[i] * self._weight
+            sums[i] = np.bincount(of_entry, part.real, t.shape[1]) + 1j * np.bincount(of_entry, part.imag, t.shape[1])
+            sums[i, unit] -= self._of_sources(model, k[i][model], rows)
+        slopes, h = (weights * sums).sum(axis=0)[unit], np.ptp(t, axis=0)[unit] / 2
+        above, below = ((weights[:, of_entry] * changes(by)).sum(axis=0) for by in (self._nudge, -self._nudge))
+        rough = self._rough(above, below, np.ptp(t, axis=0)[of_entry]) | (self._constant & (change != 0).any(axis=0))
+        bend = np.where(np.isin(unit, of_entry[rough]), np.inf, np.abs(BEND @ sums)[unit] / h)
+        return {key: Slope(complex(a), float(b)) for key, a, b in zip(batch, slopes, bend, strict=True)}
+
+    def _rough(self, above: np.ndarray, below: np.ndarray, width: np.ndarray) -> np.ndarray:
+        """Entries whose derivatives differ between the two sides of the equilibrium, beyond rounding in the entries.
+
+        `width` is that of the difference, in the unit of the parameter.
+        """
+        rows, largest = self.equations.rows, np.zeros(self.equations.pattern.total)
+        np.maximum.at(largest, rows, JUMP * np.maximum(np.abs(above), np.abs(below)))
+        moved = (self._weight != 0) & (width > 0)
+        return moved & (np.abs(above - below) * width > largest[rows] * width + ROUNDING * self._size)
 
     def _all(self, given: dict[str, np.ndarray], s: np.ndarray) -> dict[str, np.ndarray]:
         """Constants of every family, with those that follow from the starting point s."""
         return {f.name: automatic(f._replace(k=given[f.name]), s) for f in self.equations.families}
 
-    def _opened(self, k: dict[str, np.ndarray]) -> list[np.ndarray]:
-        return [opened(f._replace(k=k[f.name])) for f in self.equations.families]
-
-    def _less_sources(self, model: str, k: np.ndarray, values: np.ndarray) -> None:
-        """Subtract the currents through the source admittances of the devices from their injections."""
+    def _values(self, model: str, k: dict[str, np.ndarray]) -> np.ndarray:
+        """The equations of Newton's method at the equilibrium with these constants."""
         f, lay = self.point.system.family(model), self.point.layout
-        if f.device.admittance is not None:
+        inside = [opened(one._replace(k=k[one.name])) for one in self.equations.families]
+        values = self.equations.entries(self.point.s.copy(), _flat(inside), swept=False)[1]
+        if f.device.admittance is not None:  # the power flow gives the current of a source less that of its admittance
             part, first = self.equations.injections[model], lay.nx + lay.outputs
             V = self.point.s[f.w[:, [family.BUS]] + np.arange(2)].view(complex)[:, 0]
-            values[first + 2 * part.start : first + 2 * part.stop] -= (f.device.admittances(k) * V).view(float)
+            values[first + 2 * part.start : first + 2 * part.stop] -= (f.device.admittances(k[model]) * V).view(float)
+        return values
 
     def _of_sources(self, model: str, k: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """The part of the source admittances of devices in the eigenvalue: they are in the network, with a minus."""
-        f, lay = self.point.system.family(model), self.point.layout
+        f = self.point.system.family(model)
         if f.device.admittance is None:
             return np.zeros(len(rows), complex)
         Y, bus = f.device.admittances(k[rows]), f.w[rows, family.BUS]
@@ -239,7 +267,9 @@ def _units(point: OperatingPoint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     ends = np.r_[pattern.device[pattern.rows[inside]], pattern.device[lay.nx + outputs]]
     others = count + np.r_[pattern.columns[inside], lay.first_output + outputs]
     size = count + lay.size
-    label = connected_components(sp.coo_matrix((np.ones(len(ends)), (ends, others)), shape=(size, size)), directed=False)[1]
+    label = connected_components(
+        sp.coo_matrix((np.ones(len(ends)), (ends, others)), shape=(size, size)), directed=False
+    )[1]
     return label[:count], label[:count][pattern.device], label[count:]
 
 
@@ -255,7 +285,9 @@ def _vectors(d: Descriptor, s: complex, v: np.ndarray, w: np.ndarray) -> tuple[n
     left[d.rows], right[d.rows], right[lay.voltages], of_bus[lay.voltages] = w.conj(), v, ahead, back
     places = np.stack([equations.injecting, equations.injecting + 1], axis=1)
     left[first:] = of_bus[places].ravel()
-    J = matrix(equations.entries(d.point.s.copy())[0], (pattern.rows, pattern.columns), (pattern.total, lay.size), False)
+    J = matrix(
+        equations.entries(d.point.s.copy())[0], (pattern.rows, pattern.columns), (pattern.total, lay.size), False
+    )
     rows, columns = slice(lay.nx, first), slice(lay.first_output, lay.first_memory)
     for _ in range(lay.outputs):  # outputs never form a loop: this ends with the longest chain of them
         before = left[rows].copy(), right[columns].copy()

@@ -28,8 +28,9 @@ from .modes import Mode, Modes
 if TYPE_CHECKING:
     import pandas as pd
 
-STEP = 1e-4  # of a finite difference, relative to the parameter, or in its own unit if it is 0
+STEP = 2e-4  # of a finite difference, relative to the parameter, or in its own unit if it is 0
 BENT = 1e-3  # difference of the slopes on both sides, relative to them, from which a kink is looked for
+KINK = 0.75  # of this difference that remains with half the step: curvature leaves a half
 NOISE = 1e-9  # change of the eigenvalue per 1 %, relative to it, that may be rounding
 OFF = 0.1  # relative distance of a frequency asked for from that of the mode
 SHOWN = 3  # parameters in the sentence
@@ -96,7 +97,9 @@ class Sensitivity(Tabular):
         m = self.mode
         text = f"{self.name}: {counted(len(self.rows), 'parameter')} of the mode {m.frequency_hz:.3f} Hz ({m.label})"
         first = [f"{row.path} {row.damping_ratio:+.2g}" for row in self.rows[:SHOWN]]
-        text += f"; largest changes of its damping ratio, {m.damping_ratio:.4f}: {', '.join(first)} per 1 %" * bool(first)
+        text += f"; largest changes of its damping ratio, {m.damping_ratio:.4f}: {', '.join(first)} per 1 %" * bool(
+            first
+        )
         left = listed([f"{one.path} ({one.reason})" for one in self.left_out], SHOWN)
         return f"{text}; left out: {left}." if left else f"{text}."
 
@@ -159,8 +162,8 @@ def _index(modes: Modes, mode: Any) -> int:
         k = min(modes.swings(), key=lambda k: modes.damping_ratio[k], default=-1)
         if k < 0:
             raise StudyError(
-                f"{modes.linear.point.case.name} has no electromechanical mode; choose one with mode=, a frequency such "
-                "as '5Hz' or the index of an eigenvalue."
+                f"{modes.linear.point.case.name} has no electromechanical mode; choose one with mode=, a frequency "
+                "such as '5Hz' or the index of an eigenvalue."
             )
     elif isinstance(mode, Integral) and not isinstance(mode, bool):
         modes.mode(int(mode))
@@ -203,7 +206,9 @@ def _wanted(case: Case, parameters: Any) -> dict[tuple[str, str], list[naming.Ke
                 names, keys = [f.name], [keys[naming.row(case, model, key)]]
             for name in names:
                 if known[name].kind is not float:
-                    raise StudyError(f"{model}.{name} is a whole number or text, which has no derivative; leave it out.")
+                    raise StudyError(
+                        f"{model}.{name} is a whole number or text, which has no derivative; leave it out."
+                    )
                 found.setdefault((model, name), {}).update(dict.fromkeys(keys))
     return {pair: list(keys) for pair, keys in found.items()}
 
@@ -211,7 +216,9 @@ def _wanted(case: Case, parameters: Any) -> dict[tuple[str, str], list[naming.Ke
 def _texts(parameters: Any) -> list[str]:
     given = list(parameters) if isinstance(parameters, Iterable) else [parameters]
     if not all(isinstance(one, str) for one in given):
-        raise StudyError(f"{shown(parameters)} are no parameters; give 'all', or names such as ['exst3.KA', 'pss.2.K'].")
+        raise StudyError(
+            f"{shown(parameters)} are no parameters; give 'all', or names such as ['exst3.KA', 'pss.2.K']."
+        )
     return given
 
 
@@ -220,7 +227,7 @@ def _slopes_of(modes: Modes, k: int) -> ParameterSlopes:
     linear = modes.linear
     if isinstance(linear, ClosedLoop):
         raise StudyError(
-            "These are the modes of a loop with controllers, which has no sensitivities to parameters; take base.modes()."
+            "Sensitivities are those of a system without controllers; take base.modes() in place of those of a loop."
         )
     point = solve(linear.point.case, linear.point.flow) if linear.inputs or linear.outputs else linear.point
     d = linear if isinstance(linear, Descriptor) and point is linear.point else descriptor(point)
@@ -233,31 +240,25 @@ def _one_parameter(
     of: ParameterSlopes, s: complex, model: str, name: str, keys: Sequence[naming.Key]
 ) -> tuple[list[Effect], list[LeftOut]]:
     """The rows of one parameter of some devices of a model, and those of the devices at which it has no derivative."""
-    rows, left = [], []
+    rows: list[Effect] = []
+    left: list[LeftOut] = []
     f, case = fields(devices.models()[model].Par)[name], of.point.case
-    slopes = of.slopes(model, name, keys, STEP)
-    values = {key: float(getattr(case.devices[model][key], name)) for key in keys}
-    steps = {key: 0.01 * value if value else 0.01 for key, value in values.items()}
-    bent = {
-        key: abs(one.bend)
-        for key, one in slopes.items()
-        if not isinstance(one, str) and abs(one.bend) > BENT * abs(one.slope) + NOISE * abs(s / steps[key])
-    }
-    kinks = set()
-    for key, again in (of.slopes(model, name, list(bent), STEP / 4) if bent else {}).items():
-        if isinstance(again, str) or abs(again.bend) > 0.5 * bent[key]:  # not curvature, which would be a quarter
-            kinks.add(key)
+    whole, half = (of.slopes(model, name, keys, step) for step in (STEP, STEP / 2))
     for key in keys:
-        one, value, called = slopes[key], values[key], _called(case, model, key)
-        reason = one if isinstance(one, str) else ""
-        if key in kinks:
-            reason = f"it has no derivative at {value:g}, a threshold"
-        elif not reason and f.unit == "s" and 0 <= value < SHORT and one.slope == 0:
-            reason = f"{value:g} s bypasses its block"
-        if isinstance(one, str) or reason:
-            left.append(LeftOut(f"{model}.{called}.{name}", reason))
+        a, b, called = whole[key], half[key], _called(case, model, key)
+        value = float(getattr(case.devices[model][key], name))
+        step = 0.01 * value if value else 0.01
+        if isinstance(a, str) or isinstance(b, str):
+            left.append(LeftOut(f"{model}.{called}.{name}", str(a if isinstance(a, str) else b)))
             continue
-        rows.append(Effect(model, called, name, value, f.unit, steps[key], *_changes(s, one.slope * steps[key])))
+        ds = (4 * b.slope - a.slope) / 3 * step  # without the error of the second order
+        bent = a.bend * abs(step) > BENT * abs(ds) + NOISE * abs(s)
+        if bent and b.bend >= KINK * a.bend:
+            left.append(LeftOut(f"{model}.{called}.{name}", f"it has no derivative at {value:g}, a threshold"))
+        elif f.unit == "s" and 0 <= value < SHORT and ds == 0:
+            left.append(LeftOut(f"{model}.{called}.{name}", f"{value:g} s bypasses its block"))
+        else:
+            rows.append(Effect(model, called, name, value, f.unit, step, *_changes(s, ds)))
     return rows, left
 
 
