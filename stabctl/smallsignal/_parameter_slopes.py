@@ -4,15 +4,15 @@ With the linearized equations of `descriptor`, the outputs of the devices kept, 
 
     s = sum over entries e of the local derivatives of the devices:  l[row of e] e r[column of e],
 
-where r are the changes of states, voltages and outputs in the mode, and l those of the left eigenvector. s is stationary
+where r are the changes of states, voltages and outputs in the mode, l those of the left eigenvector. s is stationary
 with respect to both, so ds/dp is the same sum over de/dp (P. Kundur, Power System Stability and Control, sec. 12.2).
 An entry depends on the parameters of its device and on the equilibrium z(p), where F(z, p) = 0 (`dynamics.newton`):
 
     de/dp = e_p + e_z dz/dp,    dz/dp = -F_z^-1 F_p.
 
-Entries and F_z are exact; the derivatives with respect to p, and that of the entries along dz/dp, are finite differences.
-Devices of different units are coupled only through the network, whose voltages stay: one evaluation of all equations
-serves a parameter of every unit at once.
+Entries and F_z are exact; e_p, F_p and the derivative of the entries along dz/dp are finite differences. Devices of
+different units are coupled only through the network, whose voltages stay: one evaluation of all equations serves a
+parameter of every unit at once.
 """
 
 from collections.abc import Sequence
