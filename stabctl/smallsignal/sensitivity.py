@@ -22,7 +22,6 @@ from stabctl.model.case import Case
 from ._parameter_slopes import ParameterSlopes
 from .closed_loop import ClosedLoop
 from .descriptor import Descriptor, descriptor
-from .eigen import NEAR
 from .modes import Mode, Modes
 
 if TYPE_CHECKING:
@@ -32,6 +31,7 @@ STEP = 2e-4  # of a finite difference, relative to the parameter, or in its own 
 BENT = 1e-3  # difference of the slopes on both sides, relative to them, from which a kink is looked for
 KINK = 0.75  # of this difference that remains with half the step: curvature leaves a half
 NOISE = 1e-9  # change of the eigenvalue per 1 %, relative to it, that may be rounding
+TWICE = 1e-6  # eigenvalues this close (relative) may be one that rounding has split, which has no derivative
 OFF = 0.1  # relative distance of a frequency asked for from that of the mode
 SHOWN = 3  # parameters in the sentence
 
@@ -178,7 +178,7 @@ def _index(modes: Modes, mode: Any) -> int:
     s = modes.eigenvalues[k]
     if s == 0:
         raise StudyError(f"Eigenvalue {k} is zero ({modes.label(k)}) whatever the parameters; choose another mode.")
-    if (np.abs(np.delete(modes.eigenvalues, k) - s) <= NEAR * max(1.0, abs(s))).any():
+    if (np.abs(np.delete(modes.eigenvalues, k) - s) <= TWICE * max(1.0, abs(s))).any():
         raise StudyError(
             f"Eigenvalue {k} ({modes.label(k)}) coincides with another one, so it has no derivative; change one of the "
             "equal devices a little."

@@ -66,7 +66,7 @@ def test_derivatives_of_every_device(name):
     with kind(name) as models:
         of = solve(small(models))
         modes = modes_of(of)
-        upper = [k for k in range(len(modes)) if modes.eigenvalues[k].imag > 0]
+        upper = [k for k in range(len(modes)) if modes.eigenvalues[k].imag > 1e-3]  # equal washouts are a double pole
         if upper:
             assert agrees(of, upper[0], rows=4)
 
