@@ -11,7 +11,9 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from stabctl.smallsignal import Areas, Modes
+    from stabctl.smallsignal.sensitivity import Sensitivity
 
+SHOWN = 20  # parameters
 
 Inputs = Annotated[str, Option("--inputs", help="storage:33,vref:14,load_p:8; pref alone means all governors.")]
 Outputs = Annotated[str, Option("--outputs", help="speed,angle:14,coi_speed,voltage:33,frequency:33,flow:7-8.")]
@@ -51,6 +53,9 @@ Sparse = Annotated[
         help="Only modes of the band with damping ratio -0.1 to 0.3, or all (default: all, up to 2000 states).",
     ),
 ]
+Parameters = Annotated[
+    bool, Option("--sensitivity", help="How every parameter of the devices changes the least damped swing.")
+]
 Opened = Annotated[list[str] | None, Option("--open", help="Circuit out of service: 7-8#2. Repeatable.")]
 
 
@@ -61,6 +66,7 @@ def modes(
     area_count: Count = None,
     open_circuits: Opened = None,
     sparse: Sparse = None,
+    sensitivity: Parameters = False,
     controller: options.Controllers = None,
     storage: groups.StorageOptions,
     case: groups.CaseOptions,
@@ -78,6 +84,8 @@ def modes(
     loaded = opened(case.load(), open_circuits or ())
     point = storage.initialize(loaded)
     own = shared.controllers(controller)
+    if own and sensitivity:
+        raise StudyError("--sensitivity is that of a system without controllers; leave out --controller.")
     if own and sparse:
         raise StudyError("--controller needs all modes; leave out --sparse.")
     if own:
@@ -88,10 +96,13 @@ def modes(
         with shared.progress("modes", 1.0) as said:
             found = analyze(model, band if few else None, said=said)
     groups = areas(found, area_count) if found.swings() or area_count else None
+    effects = found.sensitivity() if sensitivity else None
     if as_json:
-        shared.print_json({"case": point.case.name} | _record(found))
+        shared.print_json({"case": point.case.name} | _record(found) | (_effects(effects) if effects else {}))
     else:
         _show(found, band, groups)
+        if effects:
+            _show_effects(effects)
     if report:
         from stabctl.view.pages import modes_page
 
@@ -109,6 +120,27 @@ def _show(found: "Modes", band: tuple[float, float], groups: "Areas | None") -> 
     out.print(str(found))
     if groups:
         out.print(f"{groups}.")
+
+
+def _effects(found: "Sensitivity") -> dict[str, Any]:
+    """Return every row, and the parameters left out with the reason."""
+    left = [one._asdict() for one in found.left_out]
+    return {"sensitivity": {"mode": str(found.mode), "rows": [r._asdict() for r in found.rows], "left_out": left}}
+
+
+def _show_effects(found: "Sensitivity") -> None:
+    """Print the parameters with the largest changes of the damping ratio."""
+    from rich.table import Table
+
+    table = Table("parameter", "value", "per", "real (1/s)", "Hz", "damping ratio")
+    for column in table.columns[1:]:
+        column.justify = "right"
+    for row in found.rows[:SHOWN]:
+        unit = "" if row.unit == "-" else f" {row.unit}"
+        changes = (f"{change:+.2e}" for change in (row.real, row.frequency_hz, row.damping_ratio))
+        table.add_row(row.path, f"{row.value:g}{unit}", f"{row.step:g}{unit}", *changes)
+    shared.console().print(table)
+    shared.console().print(str(found))
 
 
 def _record(modes: "Modes") -> dict[str, Any]:

@@ -111,14 +111,18 @@ class Equations:
         shape = self.pattern.total, self.system.layout.size
         return matrix(entries, (self.rows, self.columns), shape, self.small), values
 
-    def entries(self, s: np.ndarray, k: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def entries(
+        self, s: np.ndarray, k: np.ndarray | None = None, *, swept: bool = True
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives with respect to the variables of each device, one per entry of the pattern, and the values.
 
-        Rows are [rates | outputs | injections], columns all signals, outputs included; s as in `at`.
+        Rows are [rates | outputs | injections], columns all signals, outputs included; s as in `at`. If not `swept`,
+        every device reads the outputs that s holds: a change of one device then changes its own rows only.
         """
         layout, pattern = self.system.layout, self.pattern
         z, f = s.astype(complex), np.zeros(pattern.starts[-1], complex)
         p = self.program if k is None else self.program._replace(k=k)
+        p = p if swept else p._replace(sweep=p.sweep[:0])
         output, rate = evaluate(p, pattern.starts, z, f, self._on)
         if output >= 0 or rate >= 0:
             raise StudyError(self._divided(p.sweep[output] if output >= 0 else p.step[rate], p, z, f))
@@ -179,6 +183,8 @@ class Pattern:
         Rows of these values.
     injections, injecting
         Family -> its injections; places of the bus voltage of every injection.
+    device
+        Number of the device of every row, counted through the families; -1: none.
     total
         Number of rows.
     kept
@@ -190,7 +196,7 @@ class Pattern:
         self.kept: dict[str, Any] = {}
         self.injections: dict[str, slice] = {}
         rows, columns, places, injection, starts = [], [], [], 0, [0]
-        slopes, values, all_answers = [], [], []
+        slopes, values, all_answers, numbers = [], [], [], []
         first = layout.nx + layout.outputs
         for f in families:
             states, inputs, outputs, buses = family.size(f)
@@ -209,6 +215,7 @@ class Pattern:
             columns.append(np.broadcast_to(variables[:, :, None], shape).ravel())
             rows.append(np.broadcast_to(answers[:, None, :], shape).ravel())
             all_answers.append(answers.ravel())
+            numbers += [answers.shape[1]] * n
             blocks = starts[-1] + np.arange(n * (shape[1] + 1) * shape[2]).reshape(n, shape[1] + 1, shape[2])
             slopes.append(blocks[:, :-1].ravel())
             values.append(blocks[:, -1].ravel())
@@ -218,6 +225,8 @@ class Pattern:
         self.slopes, self.values = np.concatenate(slopes), np.concatenate(values)
         self.injecting = np.concatenate(places)
         self.total = first + 2 * injection
+        self.device = np.full(self.total, -1)
+        self.device[self.answers] = np.repeat(np.arange(len(numbers)), numbers)
 
 
 def matrix(entries: np.ndarray, at: tuple[np.ndarray, np.ndarray], shape: tuple[int, int], dense: bool) -> Matrix:

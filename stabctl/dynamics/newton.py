@@ -25,6 +25,7 @@ from .jacobian import Equations
 
 TOLERANCE = 1e-11  # largest residual, 1/s and pu; of a current, pu on 100 MVA
 ROUNDOFF = 1e-15  # the same relative to the largest derivative of its equation, for fast blocks
+STALLED = 1e-14  # of the sum of the terms of an equation: residual that is rounding, if no step reduces it any more
 FAR = 1e9  # value of an opened limit
 STEPS = 30
 
@@ -106,7 +107,7 @@ class Newton:
 
     def _iterate(self, s: np.ndarray, k: np.ndarray) -> int:
         """Solve with the parameters k; returns the number of steps."""
-        first = self.nx + self.outputs
+        first, before = self.nx + self.outputs, np.inf
         for made in range(STEPS + 1):
             derivatives, values = self.equations.entries(s, k)
             mismatch = values[first + self.injections] - self.target
@@ -118,9 +119,34 @@ class Newton:
             np.maximum.at(slope, self._rows, np.abs(entries))
             if ((np.abs(f) < TOLERANCE * self._unit) | (np.abs(f) < ROUNDOFF * slope)).all():
                 return made
+            miss = float((np.abs(f) / (STALLED * self._terms(derivatives, s))).max(initial=0.0))
+            if 0.5 * before < miss < 1:
+                return made
+            before = miss
             s[self.unknown] -= self.groups.solve(entries, f)
         worst = int(np.argmax(np.where(np.isfinite(f), np.abs(f), np.inf)))
         raise Unsolved(worst, float(f[worst]))
+
+    def moved(self, s: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """The change of the signals (layout.size) that keeps an equilibrium one.
+
+        Parameters
+        ----------
+        s
+            All signals of the equilibrium.
+        change
+            Changes of the rates, output equations and injections that something else causes, to first order.
+        """
+        first, found = self.nx + self.outputs, np.zeros(len(s))
+        f = np.r_[change[:first], change[first + self.injections]]
+        found[self.unknown] = -self.groups.solve(self._entries(self.equations.entries(s.copy(), self.constants)[0]), f)
+        return found
+
+    def _terms(self, derivatives: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """Size of every equation: the sum of the magnitudes of its linear terms, and 1 pu on 100 MVA (1 for a rate)."""
+        equations, first = self.equations, self.nx + self.outputs
+        found = np.bincount(equations.rows, np.abs(derivatives * s[equations.columns]), equations.pattern.total)
+        return self._unit + np.r_[found[:first], found[first + self.injections] + np.abs(self.target)]
 
     def _entries(self, derivatives: np.ndarray) -> np.ndarray:
         """Entries of the Jacobian, from those of all equations."""

@@ -132,10 +132,15 @@ def _with_automatic(system: System, s: np.ndarray) -> System:
     for f in system.families:
         if f.device.automatic is None:
             continue
-        k = np.array([_automatic(f, j, s) for j in range(len(f.w))])
+        k = automatic(f, s)
         if not np.array_equal(k, f.k):
             system = system.with_constants(f.name, k)
     return system
+
+
+def automatic(f: Family, s: np.ndarray) -> np.ndarray:
+    """Parameters of the devices of a family, with those computed from the starting point s."""
+    return f.k if f.device.automatic is None else np.array([_automatic(f, j, s) for j in range(len(f.w))])
 
 
 def _automatic(f: Family, j: int, s: np.ndarray) -> list[float]:

@@ -184,7 +184,7 @@ def check_devices(case: Tables) -> None:
     _controls(case)
     for model, rows in case.devices.items():
         for i, (key, par) in enumerate(rows.items()):
-            _parameters(model, i, key, par)
+            parameters(model, i, key, par)
 
 
 def _owners(case: Tables) -> None:
@@ -262,7 +262,7 @@ def _controls(case: Tables) -> None:
                 raise RowError(model, i, "machine", text)
 
 
-def _parameters(model: str, i: int, key: naming.Key, par: Any) -> None:
+def parameters(model: str, i: int, key: naming.Key, par: Any) -> None:
     """Raise the first invalid combination of parameters."""
     kind: type = type(par)
     of = fields(kind)

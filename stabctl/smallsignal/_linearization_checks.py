@@ -102,11 +102,8 @@ def _jumps(point: OperatingPoint, changed: tuple[str, np.ndarray] | None) -> np.
     k = None
     if changed is not None:
         k = np.concatenate([(changed[1] if f.name == changed[0] else f.k).ravel() for f in equations.families])
-    free = np.arange(lay.step)
-    step = np.zeros(lay.size)
-    step[free] = _nudges(len(free))
     lim = point.system.limits if changed is None else limits(_replaced(point, changed), lay.one)
-    step[_kept(point, k, lim)] = 0.0
+    step = nudges(point, k, lim)
     rows, sides = equations.pattern.total, []
     for s in (point.s + step, point.s - step):
         slopes, values = equations.entries(s, k)
@@ -118,6 +115,14 @@ def _jumps(point: OperatingPoint, changed: tuple[str, np.ndarray] | None) -> np.
     np.maximum.at(jump, equations.rows, np.abs(sides[0] - sides[1]))
     jump[[i for i, p in enumerate(lay.states) if storage.is_energy(p.table, p.name)]] = 0.0
     return np.flatnonzero(jump > JUMP * scale + SMOOTH)
+
+
+def nudges(point: OperatingPoint, k: np.ndarray | None = None, lim: Limits | None = None) -> np.ndarray:
+    """A small perturbation of all signals (layout.size) but those that no small disturbance moves; outputs follow."""
+    step = np.zeros(point.layout.size)
+    step[: point.layout.step] = _nudges(point.layout.step)
+    step[_kept(point, k, lim or point.system.limits)] = 0.0
+    return step
 
 
 @lru_cache

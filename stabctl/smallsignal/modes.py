@@ -100,6 +100,7 @@ class Modes:
     band: tuple[float, float] | None = None  # Hz   of the table; None: all modes
 
     plot = verb("stabctl.view.figures.modes:plot_modes")
+    sensitivity = verb("stabctl.smallsignal.sensitivity:sensitivity")
 
     def __len__(self) -> int:
         return len(self.eigenvalues)

@@ -50,6 +50,16 @@ def test_scr_prints_buses_and_converters(stabctl, tmp_path):
     assert json.loads(stabctl("scr", "two_area", "--json")[1])["converters"] == []
 
 
+def test_modes_lists_sensitivities(stabctl):
+    found = load("two_area").modes().sensitivity()
+    record = json.loads(stabctl("modes", "two_area", "--sensitivity", "--json")[1])["sensitivity"]
+    assert [row["damping_ratio"] for row in record["rows"]] == pytest.approx([r.damping_ratio for r in found.rows])
+    assert record["left_out"][0] == {"path": "sexs.1.TB", "reason": "0 s bypasses its block"}
+    shown = stabctl("modes", "two_area", "--sensitivity")[1]
+    assert f"{found.rows[19].damping_ratio:+.2e}" in shown
+    assert " ".join(str(found).split()) in " ".join(shown.split())
+
+
 def test_weak_grid_prints_the_boundary(stabctl, tmp_path):
     case = load("two_area").with_device("regc_c", 3)
     write(case, tmp_path / "mine")

@@ -42,6 +42,23 @@ def test_packaged_cases_start_stationary(cases, points, name, classical):
     assert np.abs(mismatch).max() < 1e-8  # pu of 100 MVA, currents up to 60
 
 
+@pytest.mark.parametrize("name", io.packaged())
+def test_a_residual_of_rounding_is_an_equilibrium(cases, points, monkeypatch, name):
+    """Newton's method ends where it no longer improves and only rounding remains, whatever the tolerance."""
+    monkeypatch.setattr(newton, "TOLERANCE", 0.0)
+    monkeypatch.setattr(newton, "ROUNDOFF", 0.0)
+    point = operating_point.solve(cases(name))
+    assert np.abs(point.s - points(name).s).max() < 1e-8
+    assert point.iterations < 2 * newton.STEPS
+
+
+def test_a_residual_above_rounding_is_none(monkeypatch):
+    """A start that no step improves is no equilibrium unless only rounding remains."""
+    monkeypatch.setattr(newton.Groups, "solve", lambda self, data, f: np.zeros(self.width))
+    with pytest.raises(EquilibriumError, match="Newton steps"):
+        operating_point.solve(small(KINDS["saturated"]))
+
+
 @pytest.mark.parametrize("name", each())
 @pytest.mark.parametrize("shares", [{}, {"p_current": 1.0, "q_power": 0.4}, {"p_power": 1.0, "q_current": 1.0}])
 def test_every_model_starts_stationary(name, shares):

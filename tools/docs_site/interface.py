@@ -26,7 +26,12 @@ PAGES = {
     "estimation": ("Estimation", "estimate Estimates EstimatorControl Pmu BadPmu"),
     "placement": ("Placement", "place Siting Costs SiteOption"),
 }  # stem -> title, names
-RESULTS = {"linear": ("smallsignal.model.Linear", "smallsignal.modes.Modes", "smallsignal.modes.Mode")}
+RESULTS = {
+    "linear": (
+        "smallsignal.model.Linear", "smallsignal.modes.Modes", "smallsignal.modes.Mode",
+        "smallsignal.sensitivity.sensitivity", "smallsignal.sensitivity.Sensitivity", "smallsignal.sensitivity.Effect",
+    )
+}  # fmt: skip
 
 
 def where(found: object) -> str:

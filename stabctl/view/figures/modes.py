@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 from stabctl.smallsignal import Mode, Modes, Part
 from stabctl.smallsignal.eigen import ZERO
+from stabctl.smallsignal.sensitivity import Sensitivity
 
 from . import style
 from .palette import COLORS, GRAY, LABELS
-from .style import single
+from .style import ranked, single
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,6 +26,7 @@ KINDS = {  # marker, fill color, edge color
 NAMED = 4  # arrows with a number, on each side
 SMALLEST_NAMED, SMALLEST_DRAWN = 0.1, 0.02
 GAP = 17.0  # deg between numbers
+MOST = 20  # parameters shown
 
 
 def plot_modes(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
@@ -65,6 +67,32 @@ def plot_modes(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
         ray(ax, ratio, left, top)
     look = {"frameon": False, "fontsize": "small", "columnspacing": 1, "handletextpad": 0}
     ax.legend(loc="lower center", bbox_to_anchor=(0.45, 1), ncols=3, **look)
+    return ax
+
+
+def plot_sensitivity(found: Sensitivity, *, ax: "Axes | None" = None) -> "Axes":
+    """Plot by how much parameters change the damping ratio of a mode, the 20 with the largest changes.
+
+    Parameters
+    ----------
+    found
+        The sensitivities.
+    ax
+        Axes to draw on. Default: a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        Changes in percentage points per 1 % of each parameter, or per 0.01 of its unit if it is 0.
+    """
+    rows = found.rows[:MOST]
+    ax = single(ax, SIZE[0], 1.2 + 0.24 * len(rows))
+    percent = [100 * row.damping_ratio for row in rows]
+    for bar, row, size in zip(ax.barh(range(len(rows)), percent, 0.6, color=COLORS[0]), rows, percent, strict=True):
+        style.name(bar, f"{row.path} = {row.value:g} {row.unit}: {size:+.3g} % per {row.step:g}")
+    ranked(ax, [row.path if row.value else f"{row.path} (0)" for row in rows])
+    ax.axvline(0, color=GRAY, linewidth=1)
+    ax.set_xlabel("change of the damping ratio (%) per 1 % of the parameter")
     return ax
 
 

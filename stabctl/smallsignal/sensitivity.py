@@ -1,0 +1,278 @@
+"""Sensitivities: how a mode changes with every parameter of the devices of a case."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from numbers import Integral
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from stabctl import devices
+from stabctl._util import units
+from stabctl._util.errors import StudyError, shown
+from stabctl._util.schema import fields
+from stabctl._util.tabular import Tabular
+from stabctl._util.verbs import verb
+from stabctl._util.wording import counted, listed
+from stabctl.devices.blocks.lags import SHORT
+from stabctl.dynamics.operating_point import solve
+from stabctl.model import edit, naming
+from stabctl.model.case import Case
+
+from ._parameter_slopes import ParameterSlopes
+from .closed_loop import ClosedLoop
+from .descriptor import Descriptor, descriptor
+from .modes import Mode, Modes
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+STEP = 2e-4  # of a finite difference, relative to the parameter, or in its own unit if it is 0
+BENT = 1e-3  # difference of the slopes on both sides, relative to them, from which a kink is looked for
+KINK = 0.75  # of this difference that remains with half the step: curvature leaves a half
+NOISE = 1e-9  # change of the eigenvalue per 1 %, relative to it, that may be rounding
+TWICE = 1e-6  # eigenvalues this close (relative) may be one that rounding has split, which has no derivative
+OFF = 0.1  # relative distance of a frequency asked for from that of the mode
+SHOWN = 3  # parameters in the sentence
+
+
+class Effect(NamedTuple):
+    """How a parameter changes a mode, per `step`: 1 % of its value, or 0.01 of its unit if it is 0."""
+
+    model: str
+    place: naming.Key  # machine, bus or load
+    parameter: str
+    value: float
+    unit: str
+    step: float  # in its unit
+    real: float  # 1/s   change of the real part
+    frequency_hz: float  # Hz   change of the frequency
+    damping_ratio: float  # change of the damping ratio
+
+    @property
+    def path(self) -> str:
+        """Its path: "exst3.2.KA"."""
+        return f"{self.model}.{self.place}.{self.parameter}"
+
+
+class LeftOut(NamedTuple):
+    """A parameter without a derivative, and why it has none."""
+
+    path: str
+    reason: str
+
+
+@dataclass(frozen=True, repr=False)
+class Sensitivity(Tabular):
+    """How the parameters of the devices change a mode.
+
+    Attributes
+    ----------
+    name : str
+        Name of the case.
+    mode : Mode
+        The mode.
+    rows : tuple of Effect
+        A row for each parameter, by the size of the change of the damping ratio; those of value 0, whose changes are
+        not those per 1 %, come last.
+    left_out : tuple of LeftOut
+        Parameters without a derivative, with the reason.
+    """
+
+    name: str
+    mode: Mode
+    rows: tuple[Effect, ...]
+    left_out: tuple[LeftOut, ...]
+
+    plot = verb("stabctl.view.figures.modes:plot_sensitivity")
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """The rows as a table."""
+        import pandas as pd
+
+        return pd.DataFrame(self.rows, columns=Effect._fields)
+
+    def __str__(self) -> str:
+        m = self.mode
+        text = f"{self.name}: {counted(len(self.rows), 'parameter')} of the mode {m.frequency_hz:.3f} Hz ({m.label})"
+        first = [f"{row.path} {row.damping_ratio:+.2g}" for row in self.rows[:SHOWN]]
+        text += f"; largest changes of its damping ratio, {m.damping_ratio:.4f}: {', '.join(first)} per 1 %" * bool(
+            first
+        )
+        left = listed([f"{one.path} ({one.reason})" for one in self.left_out], SHOWN)
+        return f"{text}; left out: {left}." if left else f"{text}."
+
+
+def sensitivity(
+    modes: Modes, parameters: str | Iterable[str] = "all", *, mode: str | float | None = None
+) -> Sensitivity:
+    r"""Derivatives of a mode with respect to parameters of the devices.
+
+    For an eigenvalue $\lambda$ with $w^H v = 1$ and a parameter $p$,
+
+    $$ \frac{d\lambda}{dp} = w^H \frac{dA}{dp} v $$
+
+    (P. Kundur, *Power System Stability and Control*, sec. 12.2), where $A$ changes with the parameter and with the
+    equilibrium of the devices; the power flow stays. Changes are those per 1 % of a parameter, or per 0.01 of its unit
+    if it is 0. Limits that are not reached change nothing: 0.
+
+    Parameters
+    ----------
+    modes : Modes
+        The modes of a system without controllers, `base.modes()`.
+    parameters : str or iterable of str
+        "exst3.KA": at every machine, each with its own row; "exst3.2.KA": at machine 2; "exst3": every parameter of
+        the model; or "all".
+    mode : str, float or int, optional
+        Frequency ("0.6Hz", or a float in Hz) of an oscillatory mode, or index of an eigenvalue (int); by default the
+        least damped electromechanical mode.
+
+    Returns
+    -------
+    Sensitivity
+
+    Raises
+    ------
+    StudyError
+        If there is no such mode or parameter, the eigenvalue is zero or coincides with another one, or the modes are
+        those of a loop with controllers.
+
+    Examples
+    --------
+    >>> found = st.load("ieee39").modes().sensitivity("exst3.KA")
+    >>> found.df
+    """
+    k = _index(modes, mode)
+    wanted = _wanted(modes.linear.point.case, parameters)
+    found = _slopes_of(modes, k)
+    rows: list[Effect] = []
+    left: list[LeftOut] = []
+    for (model, name), keys in wanted.items():
+        more, without = _one_parameter(found, modes.eigenvalues[k], model, name, keys)
+        rows += more
+        left += without
+    rows.sort(key=lambda row: (not row.value, -abs(row.damping_ratio), -abs(row.real)))
+    return Sensitivity(modes.linear.point.case.name, modes.mode(k), tuple(rows), tuple(left))
+
+
+def _index(modes: Modes, mode: Any) -> int:
+    """Index of the mode, which must be simple and not zero."""
+    if mode is None:
+        k = min(modes.swings(), key=lambda k: modes.damping_ratio[k], default=-1)
+        if k < 0:
+            raise StudyError(
+                f"{modes.linear.point.case.name} has no electromechanical mode; choose one with mode=, a frequency "
+                "such as '5Hz' or the index of an eigenvalue."
+            )
+    elif isinstance(mode, Integral) and not isinstance(mode, bool):
+        modes.mode(int(mode))
+        k = int(mode) % len(modes)
+    else:
+        hz = units.hertz(mode)
+        upper = np.flatnonzero(modes.eigenvalues.imag > 0)
+        k = int(min(upper, key=lambda k: abs(modes.frequency_hz[k] - hz), default=-1))
+        if k < 0 or abs(modes.frequency_hz[k] - hz) > OFF * hz:
+            nearest = f"the nearest is at {modes.frequency_hz[k]:.4g} Hz" if k >= 0 else "no mode oscillates"
+            raise StudyError(f"There is no mode near {hz:g} Hz; {nearest}.")
+    s = modes.eigenvalues[k]
+    if s == 0:
+        raise StudyError(f"Eigenvalue {k} is zero ({modes.label(k)}) whatever the parameters; choose another mode.")
+    if (np.abs(np.delete(modes.eigenvalues, k) - s) <= TWICE * max(1.0, abs(s))).any():
+        raise StudyError(
+            f"Eigenvalue {k} ({modes.label(k)}) coincides with another one, so it has no derivative; change one of the "
+            "equal devices a little."
+        )
+    return k
+
+
+def _wanted(case: Case, parameters: Any) -> dict[tuple[str, str], list[naming.Key]]:
+    """Model and parameter -> keys of the devices, in the order of the case."""
+    found: dict[tuple[str, str], dict[naming.Key, None]] = {}
+    for text in [parameters] if isinstance(parameters, str) else _texts(parameters):
+        models = list(case.devices) if text == "all" else [naming.known_table(case, text.partition(".")[0].strip())]
+        if models[0] not in case.devices:
+            raise StudyError(
+                f"{text} is no parameter of a device; sensitivities are those at a given power flow, with respect to "
+                f"parameters of {', '.join(case.devices)}."
+            )
+        for model in models:
+            known = fields(devices.models()[model].Par)
+            keys, names = list(case.devices[model]), [name for name, f in known.items() if f.kind is float]
+            if text.count(".") == 1:
+                names = [edit.resolve(case, text.replace(".", ".any."))[2].name]
+            elif text.count(".") > 1:
+                _, key, f = edit.resolve(case, text)
+                names, keys = [f.name], [keys[naming.row(case, model, key)]]
+            for name in names:
+                if known[name].kind is not float:
+                    raise StudyError(
+                        f"{model}.{name} is a whole number or text, which has no derivative; leave it out."
+                    )
+                found.setdefault((model, name), {}).update(dict.fromkeys(keys))
+    return {pair: list(keys) for pair, keys in found.items()}
+
+
+def _texts(parameters: Any) -> list[str]:
+    given = list(parameters) if isinstance(parameters, Iterable) else [parameters]
+    if not all(isinstance(one, str) for one in given):
+        raise StudyError(
+            f"{shown(parameters)} are no parameters; give 'all', or names such as ['exst3.KA', 'pss.2.K']."
+        )
+    return given
+
+
+def _slopes_of(modes: Modes, k: int) -> ParameterSlopes:
+    """Mode k as a function of the parameters; signals that were added to the model are left out again."""
+    linear = modes.linear
+    if isinstance(linear, ClosedLoop):
+        raise StudyError(
+            "Sensitivities are those of a system without controllers; take base.modes() in place of those of a loop."
+        )
+    point = solve(linear.point.case, linear.point.flow) if linear.inputs or linear.outputs else linear.point
+    d = linear if isinstance(linear, Descriptor) and point is linear.point else descriptor(point)
+    if len(d.rows) != len(modes.right):
+        raise StudyError("The model of these modes has states of added signals; take the modes of base.modes().")
+    return ParameterSlopes(d, complex(modes.eigenvalues[k]), modes.right[:, k], modes.left[:, k])
+
+
+def _one_parameter(
+    of: ParameterSlopes, s: complex, model: str, name: str, keys: Sequence[naming.Key]
+) -> tuple[list[Effect], list[LeftOut]]:
+    """The rows of one parameter of some devices of a model, and those of the devices at which it has no derivative."""
+    rows: list[Effect] = []
+    left: list[LeftOut] = []
+    f, case = fields(devices.models()[model].Par)[name], of.point.case
+    whole, half = (of.slopes(model, name, keys, step) for step in (STEP, STEP / 2))
+    for key in keys:
+        a, b, called = whole[key], half[key], _called(case, model, key)
+        value = float(getattr(case.devices[model][key], name))
+        step = 0.01 * value if value else 0.01
+        if isinstance(a, str) or isinstance(b, str):
+            left.append(LeftOut(f"{model}.{called}.{name}", str(a if isinstance(a, str) else b)))
+            continue
+        ds = (4 * b.slope - a.slope) / 3 * step  # without the error of the second order
+        bent = a.bend * abs(step) > BENT * abs(ds) + NOISE * abs(s)
+        if bent and b.bend >= KINK * a.bend:
+            left.append(LeftOut(f"{model}.{called}.{name}", f"it has no derivative at {value:g}, a threshold"))
+        elif f.unit == "s" and 0 <= value < SHORT and ds == 0:
+            left.append(LeftOut(f"{model}.{called}.{name}", f"{value:g} s bypasses its block"))
+        else:
+            rows.append(Effect(model, called, name, value, f.unit, step, *_changes(s, ds)))
+    return rows, left
+
+
+def _called(case: Case, model: str, key: naming.Key) -> naming.Key:
+    """The key of a device with the name of its machine."""
+    if devices.models()[model].role in ("load", "shunt"):
+        return key
+    number = naming.number(key)
+    name = case.machine(number).called
+    return name if key == number else str(key).replace(str(number), str(name), 1)
+
+
+def _changes(s: complex, ds: complex) -> tuple[float, float, float]:
+    """Changes of the real part, the frequency and the damping ratio of an eigenvalue that changes by ds."""
+    hertz = np.sign(s.imag) * ds.imag / (2 * np.pi)
+    ratio = s.imag * (s.real * ds.imag - s.imag * ds.real) / abs(s) ** 3
+    return float(ds.real) + 0.0, float(hertz) + 0.0, float(ratio) + 0.0
