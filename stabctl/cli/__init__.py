@@ -36,6 +36,7 @@ COMMANDS: dict[str, str | click.Command] = {
         {
             "optimum": "design_optimum.optimum",
             "law": "design_law.law",
+            "tune": "design_tune.tune",
             "pss": "design.pss",
             "pod": "design.pod",
             "lqr": "design.lqr",

@@ -136,7 +136,7 @@ class Parts:
                     f"{self.tunables[i].name}: the gain at high frequencies is at least {np.exp(least):.4g} within the "
                     f"bounds, above fast = {self.tunables[i].fast:g}; give a larger one, or other bounds."
                 )
-        peaks = [one._replace(bound=one.bound * (1 - INSIDE)) for one in asked.peaks]
+        peaks = [one._replace(bound=one.bound * (1 - INSIDE)) for one in asked.peaks if n]
         return Problem(self.laws, self.plants, scenarios, low, high, G, g, peaks, None if lower is None else cost)
 
     def starts(self, problem: Problem, number: int, seed: int) -> Iterator[np.ndarray]:

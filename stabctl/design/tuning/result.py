@@ -1,11 +1,16 @@
 """The result of a tuning, with what speaks for it."""
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stabctl import devices
+from stabctl._util import files
+from stabctl._util.errors import StudyError
 from stabctl._util.wording import counted
+from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.smallsignal.closed_loop import closed_loop
 
@@ -70,6 +75,8 @@ class Tuned(Design):
         Rise of the damping ratio that a linear program still promises for changes of 1 %: 0 at a stationary point.
     steps
         Steps of the search.
+    packaged
+        Model and machine of each packaged stabilizer that was tuned.
     """
 
     worst_case: Worst | None = None
@@ -82,6 +89,7 @@ class Tuned(Design):
     left_out: tuple[tuple[str, str], ...] = ()
     promise: float = 0.0
     steps: int = 0
+    packaged: tuple[tuple[str, int], ...] = ()
 
     @classmethod
     def found(cls, parts: Parts, asked: Asked, search: Search, left_out: tuple[tuple[str, str], ...]) -> "Tuned":
@@ -115,6 +123,7 @@ class Tuned(Design):
             left_out=left_out,
             promise=promise,
             steps=search.steps,
+            packaged=tuple((t.structure.model, t.machine) for t in parts.tunables if t.machine is not None),
         )
         return replace(made, remarks=tuple(made._remarks(merit.missed)))
 
@@ -134,6 +143,55 @@ class Tuned(Design):
             at = "low" if value <= low * (1 + BINDING) else "high" if value >= high * (1 - BINDING) else ""
             rows.append((device, name, value, unit, low, high, at))
         return pd.DataFrame(rows, columns=["device", "parameter", "value", "unit", "low", "high", "at_bound"])
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The numbers of the result, as plain values."""
+        worst, doubled = (asdict(one) if one else None for one in (self.worst_case, self.doubled))
+        return {
+            "worst": worst,
+            "doubled": doubled,
+            "sensitivity": self.sensitivity and self.sensitivity[0],
+            "disk_margin": self.disk_margin,
+            "reached": self.reached,
+            "parameters": self.parameters.to_dict("records"),
+            "gains": {name: found for name, _, found in self.gains},
+            "networks": len(self.before),
+            "left_out": dict(self.left_out),
+            "promise": self.promise,
+            "steps": self.steps,
+            "remarks": list(self.remarks),
+        }
+
+    @property
+    def dyr(self) -> str:
+        """DYR records of the packaged stabilizers that were tuned; "" if none."""
+        return "".join(record(self.case, model, n) for model, n in self.packaged if self.case is not None)
+
+    def save_dyr(self, path: str | Path) -> Path:
+        """Write `dyr` to a file.
+
+        Parameters
+        ----------
+        path : str or Path
+            The file.
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        StudyError
+            If no packaged stabilizer was tuned, or the file cannot be written.
+        """
+        if not self.packaged:
+            raise StudyError(
+                "No packaged stabilizer was tuned, so there is no DYR record; give stabilizers(model=...)."
+            )
+        path = files.path_of(path)
+        files.replace(path, self.dyr.encode())
+        return path
 
     def _remarks(self, missed: float) -> list[str]:
         lines = [f"Worst of all networks, every mode above {LOW:g} Hz: {self.worst_case}."]
@@ -204,3 +262,19 @@ def _case(parts: Parts, values: list[np.ndarray], case: Case) -> Case:
         if t.machine is not None:
             case = case.with_device(t.structure.model, t.machine, **t.structure.values(v))
     return case
+
+
+def record(case: Case, model: str, number: int) -> str:
+    """The DYR record of a stabilizer: bus, model, identifier and constants in the order of its file."""
+    device = devices.every()[model]
+    kind, order = list(device.dyr.items())[-1]
+    par = next(par for key, par in case.devices[model].items() if naming.number(key) == number)
+    known = dict(par._asdict()) | dict.fromkeys(("bus", "bus1", "bus2"), 0)
+    texts = []
+    for word in order.split():
+        over, _, under = word.lstrip("+'").partition("_over_")
+        value = known[over] / known[under] if under else known[over]
+        texts.append(str(int(value)) if word.startswith("+") else f"{value:.8g}")
+    machine = case.machine(number)
+    identifier = machine.name.partition("/")[2] or "1"
+    return f"{machine.bus} '{kind}' {identifier} {' '.join(texts)} /\n"

@@ -128,7 +128,7 @@ class Search:
         """The step d (parameters), and the weights (rows) of the rows in it."""
         problem, p = self.problem, self.now.p
         n = len(p)
-        value, slope, hard = np.array(rows.value), np.array(rows.slope), np.array(rows.hard, bool)
+        value, slope, hard = np.array(rows.value), np.array(rows.slope).reshape(-1, n), np.array(rows.hard, bool)
         m = len(value)
         A = [np.hstack([-slope, np.where(hard, 0, 1)[:, None], np.where(hard, -1, 0)[:, None]])]
         b = [value]
@@ -182,7 +182,8 @@ class Search:
         rows = self.now.rows(self.which, self.watched, NEAREST[1], MODES)
         merit, self.H = self.now.merit(self.which, self.watched), np.zeros_like(self.H)
         d, _ = self.program(rows, LITTLE, merit.level)
-        value, hard = np.array(rows.value) + np.array(rows.slope) @ d, np.array(rows.hard, bool)
+        slope, hard = np.array(rows.slope).reshape(-1, len(d)), np.array(rows.hard, bool)
+        value = np.array(rows.value) + slope @ d
         cost = self.problem.cost
         level = float(value[~hard].min()) if cost is None else merit.level - float(cost @ d)
         return Merit(level, float(value[hard].min(initial=0.0))).value - merit.value

@@ -105,7 +105,8 @@ def tune(
     if isinstance(starts, bool) or not isinstance(starts, int) or not 1 <= starts <= MOST_STARTS:
         raise StudyError(f"starts = {shown(starts)} is not allowed; give 1 to {MOST_STARTS}.")
     kinds = Stabilizers | Single | Values
-    given = [devices] if isinstance(devices, kinds) else [stabilizers()] if devices is None else list(devices)
+    given = [devices] if isinstance(devices, kinds) else [stabilizers()] if devices is None else devices
+    given = list(given) if isinstance(given, Iterable) else [given]
     for one in given:
         if not isinstance(one, kinds):
             raise StudyError(

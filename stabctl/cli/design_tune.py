@@ -1,0 +1,162 @@
+"""stabctl design tune: all stabilizers, dampers and parameters at once, over every network."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+
+from . import groups, options, shared
+from .design import Files
+from .parameters import Option
+
+if TYPE_CHECKING:
+    from stabctl.design import Tuned
+    from stabctl.design.tuning.devices import Device
+
+SHOWN = 8  # networks in the table: those with the least damping
+
+Machine = Annotated[list[int] | None, Option("--machine", help="Machine that gets a stabilizer. Repeatable.")]
+Model = Annotated[
+    Literal["pss", "ieeest", "pss2b"] | None,
+    Option("--model", help="Packaged stabilizer that is tuned under its own names (default: lead-lag stages)."),
+]
+Stages = Annotated[int, Option("--stages", min=0, max=5, help="Lead-lag stages of a stabilizer.")]
+Gain = Annotated[float, Option("--gain", help="Largest gain K of a stabilizer, pu of voltage per pu of speed.")]
+Fast = Annotated[float, Option("--fast", help="Largest gain of a stabilizer at high frequencies, K T1/T2 T3/T4, pu.")]
+Damper = Annotated[
+    list[str] | None,
+    Option(
+        "--damper",
+        metavar="INPUT,OUTPUT[,DELAY]",
+        help="Damper that is tuned, too: deviation:1,order:1@5,100ms. Repeatable. Without --machine, no stabilizers.",
+    ),
+]
+Value = Annotated[
+    list[str] | None,
+    Option("--value", help="Parameter of the case that is tuned from half to twice its value: exst3.KA. Repeatable."),
+]
+Wanted = Annotated[
+    float | None,
+    Option("--damping", min=0.0, max=0.9, help="Damping ratio from which the gains are lowered (default: the most)."),
+]
+OutagesOption = Annotated[bool, Option("--n-1", help="Also tune for the outage of each branch.")]
+Levels = Annotated[str, Option("--levels", metavar="LIST", help="Load levels: 0.8,1.")]
+Gains = Annotated[str, Option("--gains", metavar="LIST", help="Factors of all gains that count, too: 0.7,1.3 or none.")]
+Sensitivity = Annotated[
+    float, Option("--sensitivity", min=0.0, help="Bound of the sensitivity |S| of every loop; 0: none.")
+]
+DiskMargin = Annotated[float | None, Option("--disk-margin", help="Least disk margin of every loop: 0.8.")]
+OneOut = Annotated[bool, Option("--one-out", help="Count each controller out of service, too.")]
+Starts = Annotated[int, Option("--starts", min=1, max=100, help="Starts of the search.")]
+Seed = Annotated[int, Option("--seed", min=0, help="Seed of the random starts.")]
+DyrOut = Annotated[Path | None, Option("--dyr-out", help="Write the stabilizers of --model to this DYR file.")]
+
+
+class DeviceOptions(NamedTuple):
+    """What is tuned."""
+
+    machine: Machine = None
+    model: Model = None
+    stages: Stages = 2
+    gain: Gain = 20.0
+    fast: Fast = 300.0
+    damper: Damper = None
+    value: Value = None
+
+    def devices(self) -> "list[Device]":
+        """The devices."""
+        from stabctl import design
+        from stabctl._util.errors import StudyError
+
+        found: list[Device] = []
+        if self.machine or self.model or not (self.damper or self.value):
+            found.append(
+                design.stabilizers(
+                    self.machine or None, model=self.model, stages=self.stages, gain=self.gain, fast=self.fast
+                )
+            )
+        for text in self.damper or ():
+            parts = [part.strip() for part in text.split(",")]
+            if not 2 <= len(parts) <= 3:
+                raise StudyError(f"--damper {text!r} is not INPUT,OUTPUT[,DELAY]; give deviation:1,order:1@5,100ms.")
+            found.append(design.damper(*parts[:2], delay=parts[2] if len(parts) == 3 else 0.0))
+        return found + [design.values(path) for path in self.value or ()]
+
+
+def tune(
+    *,
+    what: DeviceOptions,
+    damping: Wanted = None,
+    outages: OutagesOption = False,
+    levels: Levels = "1",
+    gains: Gains = "0.7,1.3",
+    sensitivity: Sensitivity = 2.0,
+    disk_margin: DiskMargin = None,
+    one_out: OneOut = False,
+    starts: Starts = 5,
+    seed: Seed = 0,
+    workers: options.Workers = None,
+    files: Files,
+    dyr_out: DyrOut = None,
+    storage: groups.StorageOptions,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
+) -> None:
+    """Tune all stabilizers, dampers and parameters at once, for the worst damping of every network."""
+    from stabctl import design
+
+    files.check()
+    shared.file(dyr_out, ".dyr")
+    devices, point = what.devices(), storage.initialize(case.load())
+    with shared.progress("tuning", 1.0) as tell:
+        found = design.tune(
+            point,
+            devices,
+            damping=damping,
+            outages="all" if outages else "none",
+            levels=_numbers("--levels", levels),
+            gains=_numbers("--gains", gains),
+            sensitivity=sensitivity or None,
+            disk_margin=disk_margin,
+            one_out=one_out,
+            starts=starts,
+            seed=seed,
+            workers=workers,
+            progress=lambda text, done: tell(done, text),
+        )
+    written = [str(path) for path in files.write(found)]
+    if dyr_out:
+        written.append(str(found.save_dyr(dyr_out)))
+    if as_json:
+        shared.print_json({**found.summary, "files": written})
+    else:
+        _print(found, written)
+
+
+def _numbers(name: str, text: str) -> list[float]:
+    """Numbers separated by commas; none of "none"."""
+    from stabctl._util.errors import StudyError
+    from stabctl._util.units import quantity
+
+    if text.strip().lower() in ("", "none"):
+        return []
+    try:
+        return [quantity(part, "-") for part in text.split(",")]
+    except StudyError as error:
+        raise StudyError(f"{name} {text!r}: {error}") from None
+
+
+def _print(found: "Tuned", written: list[str]) -> None:
+    from rich.table import Table
+
+    out = shared.console()
+    networks = Table("network", "without", "with", "Hz", "mode")
+    for name, before, after, hz, mode in found.worst.sort_values("after").head(SHOWN).to_numpy().tolist():
+        networks.add_row(name, f"{before:.4f}", f"{after:.4f}", f"{hz:.4f}", mode)
+    out.print(networks)
+    table = Table("controller", "parameters")
+    for name, rows in found.parameters.groupby("device", sort=False):
+        every = zip(rows["parameter"], rows["value"], rows["unit"], strict=True)
+        table.add_row(str(name), ", ".join(f"{p} {x:.4g} {unit}".rstrip(" -") for p, x, unit in every))
+    out.print(table)
+    out.print(str(found))
+    for path in written:
+        out.print(f"written: {path}")
