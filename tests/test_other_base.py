@@ -50,7 +50,7 @@ STUDIES = {
     "short-circuit power": lambda p: p.short_circuit().mva,
     "sensitivities": lambda p: sensitivity(p).J,
     "accelerations": lambda p: sensitivity(p).acceleration,
-    "gramians": lambda p: gramians(p).W,
+    "gramians": lambda p: np.abs(gramians(p).W),  # the signs of coordinates are free
     "step responses": lambda p: step_responses(p, []).before[1],
     "the theory": lambda p: [equivalent(p.case, 1).critical().time],
     "the diagram": lambda p: p.one_line().loading,

@@ -22,9 +22,9 @@ from stabctl.smallsignal.model import Linear, Model, linearize
 
 from ._phase_compensation import fitted
 from ._tuning import Loop, Scenario, common, separate, worst
-from .machines import with_exciter, without_stabilizers
 from .outages import Outages
 from .result import Design, Requirement, largest_gain, operating_points
+from .tuning.devices import with_exciter, without_stabilizers
 
 BAND = (0.2, 2.5)  # Hz   in which the phase is compensated
 BOUND = 0.99  # of the largest gain allowed, from which it decides

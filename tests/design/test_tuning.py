@@ -215,7 +215,8 @@ def test_a_packaged_stabilizer_is_written_back(cases, tmp_path):
 def test_parameters_of_the_case_are_tuned(cases):
     """The gains of the exciters alone: more damping, confirmed in the case of the result."""
     case = cases("two_area_pss")
-    found = tune(case, values("pss.K", within=(0.2, 5)), outages="none", levels=(1.0,), gains=(), starts=1)
+    gains = values("pss.K", within=(0.2, 5), together=True)
+    found = tune(case, gains, outages="none", levels=(1.0,), gains=(), starts=1)
     before, after = case.modes(), found.case.modes()
     worst = [m.damping_ratio[m.frequency_hz > 0.1].min() for m in (before, after)]
     assert worst[1] == pytest.approx(found.damping, abs=1e-6)

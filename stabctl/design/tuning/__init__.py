@@ -1,6 +1,7 @@
 """Simultaneous tuning of stabilizers, dampers and other controllers over many operating points."""
 
-from .devices import damper, pi, stabilizers, values
+from .case_values import values
+from .devices import damper, pi, stabilizers
 from .result import Tuned
 from .tune import tune
 

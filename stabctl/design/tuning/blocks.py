@@ -14,7 +14,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from stabctl import devices
+from stabctl._util.errors import StudyError, shown
+from stabctl.controllers.timing import duration
 
+Range = tuple[float, float]
 STEP = 1e-5  # of the logarithm of a parameter, for derivatives of the matrices
 TINY = 1e-30  # step along the imaginary axis
 READS = {1: "speed", 3: "pe", 5: "vt"}  # code of an input of a stabilizer -> signal of its machine
@@ -32,6 +35,17 @@ class Variable(NamedTuple):
     low: float
     high: float
     start: float
+
+
+def checked_range(name: str, given: Any, unit: str) -> Range:
+    """Two positive numbers, ascending; text with units is converted."""
+    try:
+        low, high = (duration(name, x) if unit == "s" else float(x) for x in given)
+    except (TypeError, ValueError):
+        raise StudyError(f"{name} = {shown(given)} is not a range; give two numbers, such as (0.02, 1).") from None
+    if not 0 < low <= high < np.inf:
+        raise StudyError(f"{name} = {shown(given)} is not a range; give two positive numbers, the smaller one first.")
+    return low, high
 
 
 class Structure(Protocol):

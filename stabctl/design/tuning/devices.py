@@ -10,14 +10,12 @@ from stabctl import devices
 from stabctl._util.errors import StudyError, shown
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.timing import duration
-from stabctl.model import naming
+from stabctl.model import naming, tables
 from stabctl.model.case import Case
-from stabctl.model.edit import resolve
 
-from ..machines import with_exciter, without_stabilizers
-from .blocks import MODELS, Chain, Integral, LeadLag, ModelBlock, Notch, Variable, Washout
+from .blocks import MODELS, Chain, Integral, LeadLag, ModelBlock, Notch, Range, Variable, Washout, checked_range
+from .case_values import Values
 
-Range = tuple[float, float]
 SMALLEST = 1e-3  # of the largest gain
 STAGES = 5  # at most
 PAIRS = ("T1", "T2"), ("T3", "T4"), ("T10", "T11")  # lead and lag of the stages of packaged stabilizers
@@ -97,17 +95,6 @@ def variable(name: str, unit: str, bounds: Range, start: float) -> Variable:
     return Variable(name, unit, *bounds, float(np.clip(start, *bounds)))
 
 
-def checked_range(name: str, given: Any, unit: str) -> Range:
-    """Two positive numbers, ascending; text with units is converted."""
-    try:
-        low, high = (duration(name, x) if unit == "s" else float(x) for x in given)
-    except (TypeError, ValueError):
-        raise StudyError(f"{name} = {shown(given)} is not a range; give two numbers, such as (0.02, 1).") from None
-    if not 0 < low <= high < np.inf:
-        raise StudyError(f"{name} = {shown(given)} is not a range; give two positive numbers, the smaller one first.")
-    return low, high
-
-
 def checked_gain(name: str, given: Any) -> float:
     """A gain other than 0, of either sign."""
     if isinstance(given, bool) or not isinstance(given, int | float) or not 0 < abs(given) < np.inf:
@@ -116,6 +103,30 @@ def checked_gain(name: str, given: Any) -> float:
 
 
 # Stabilizers.
+
+
+def with_exciter(case: Case, machines: Iterable[int] | None) -> list[int]:
+    """The machines that get a stabilizer: those named, or all with an exciter."""
+    if machines is not None and (isinstance(machines, str) or not isinstance(machines, Iterable)):
+        raise StudyError(f"machines = {shown(machines)} is not a list of machines; give [1, 2], for example.")
+    found = [m.machine for m in case.machines if case.model(m.machine, "exciter")]
+    numbers = found if machines is None else [case.machine(n).machine for n in machines]
+    for n in numbers:
+        if n not in found:
+            raise StudyError(
+                f"Machine {n} of {case.name} has no exciter, so it can have no stabilizer; choose other machines."
+            )
+    if not numbers:
+        raise StudyError(f"{case.name} has no machine with an exciter, so it can have no stabilizer.")
+    return numbers
+
+
+def without_stabilizers(case: Case, numbers: Sequence[int]) -> Case:
+    """The case without the stabilizers that some machines have; the case itself if they have none."""
+    for model in tables.of_role("stabilizer"):
+        places = set(numbers) & set(map(naming.number, case.devices.get(model, ())))
+        case = case.without_device(model, sorted(places)) if places else case
+    return case
 
 
 @dataclass(frozen=True)
@@ -365,82 +376,6 @@ def _single(input: str, output: str, chain: Chain, fast: float, delay: Any, limi
         if not isinstance(value, str) or not value.strip():
             raise StudyError(f"{name} = {shown(value)} does not name a signal; give one, such as 'deviation:1'.")
     return Single(Tunable(chain, (input,), output, fast, delays, (low, high)))
-
-
-# Parameters of the case.
-
-
-def value(case: Case, path: str) -> float:
-    """The value of a parameter of a device."""
-    table, key, f = resolve(case, path)
-    if table not in case.devices:
-        raise StudyError(f"{path} is no parameter of a device; tune one such as exst3.KA or tgov.1.R.")
-    found = getattr(list(case.devices[table].values())[naming.row(case, table, key)], f.name)
-    if isinstance(found, bool) or not isinstance(found, int | float):
-        raise StudyError(f"{path} = {shown(found)} is not a number that can be tuned.")
-    return float(found)
-
-
-@dataclass(frozen=True)
-class Values:
-    """Parameters that the case has; see `values`."""
-
-    path: str
-    within: Range
-    together: bool
-
-    def of(self, case: Case) -> list[tuple[tuple[str, ...], Variable]]:
-        """Paths that share a variable, and the variable."""
-        paths = self._paths(case)
-        held = [value(case, path) for path in paths]
-        for path, own in zip(paths, held, strict=True):
-            if not own > 0:
-                raise StudyError(f"{path} = {own:g} of {case.name} cannot be tuned; only positive values can.")
-        low, high = self.within
-        if self.together:
-            return [(paths, Variable(self.path, "x", low, high, 1.0))]
-        return [((path,), Variable(path, "", low * v, high * v, v)) for path, v in zip(paths, held, strict=True)]
-
-    def _paths(self, case: Case) -> tuple[str, ...]:
-        """The path itself, or that of every row of its table."""
-        table, *rest = self.path.split(".")
-        if len(rest) == 1 and table in case.devices:
-            return tuple(f"{table}.{key}.{rest[0]}" for key in case.devices[table])
-        return (self.path,)
-
-
-def values(path: str, *, within: Range = (0.5, 2.0), together: bool = False) -> Values:
-    """Parameters of the case to be tuned.
-
-    Parameters
-    ----------
-    path : str
-        "exst3.KA" for every row of a table, or "exst3.2.KA" for one.
-    within : pair of float
-        Bounds, relative to the value that the case has.
-    together : bool
-        Multiply all by one common factor; by default each is tuned.
-
-    Returns
-    -------
-    Values
-        For `tune`.
-
-    Raises
-    ------
-    StudyError
-        If an argument is invalid.
-
-    Examples
-    --------
-    >>> st.design.values("exst3.KA", within=(0.5, 2), together=True)
-    """
-    if not isinstance(path, str) or path.count(".") not in (1, 2):
-        raise StudyError(f"{shown(path)} is no parameter of a device; give one such as exst3.KA or tgov.1.R.")
-    low, high = checked_range("within", within, "-")
-    if not low <= 1 <= high:
-        raise StudyError(f"within = {shown(within)} leaves out the value of the case; give a range around 1.")
-    return Values(path, (low, high), together)
 
 
 Device = Stabilizers | Single | Values  # what may be tuned

@@ -14,10 +14,8 @@ from stabctl.simulation.contingency import Contingency
 
 from ..outages import Outages, outages
 from ..result import operating_points
-from .blocks import Variable
-from .devices import Device, Values, value
-
-Shared = tuple[tuple[str, ...], Variable]  # paths of the case that share a variable
+from .case_values import Shared, Values, value
+from .devices import Device
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,9 @@ from stabctl.controllers.realization import Matrices
 from stabctl.smallsignal.eigen import eigen
 
 from .blocks import Laws, Placed, Variable, drawn
-from .devices import Device, Tunable, Values
-from .networks import Network, Shared
+from .case_values import Shared, Values
+from .devices import Device, Tunable
+from .networks import Network
 from .plants import Plant, plant
 from .problem import STABLE, Peak, Problem, Scenario
 

@@ -112,8 +112,8 @@ class Tuned(Design):
             replaced=tuple(closed_loop(point).modes() for point in given) if changed else (),
             worst_case=worst,
             doubled=_worst(search.problem, trial, 2.0) if controllers else None,
-            sensitivity=_peak(search.problem, trial, Peak(1.0)) if controllers else None,
-            disk_margin=1 / _peak(search.problem, trial, Peak(1.0, 0.5))[0] if controllers else None,
+            sensitivity=_peak(parts, trial, Peak(1.0)) if controllers else None,
+            disk_margin=1 / _peak(parts, trial, Peak(1.0, 0.5))[0] if controllers else None,
             values=tuple(_values(parts, trial.p)),
             gains=tuple(
                 (t.name, t.fast, float(np.exp(t.structure.fast @ np.log(v))))
@@ -238,15 +238,15 @@ def _worst(problem: Problem, trial: Trial, factor: float) -> Worst:
     return Worst(*min(found))
 
 
-def _peak(problem: Problem, trial: Trial, peak: Peak) -> tuple[float, str]:
+def _peak(parts: Parts, trial: Trial, peak: Peak) -> tuple[float, str]:
     """The largest |S - shift| of a loop over all plants, and where it is; inf if one is unstable."""
-    found = []
-    for k, one in enumerate(problem.plants):
+    found, drives = [], list(dict.fromkeys(t.output for t in parts.tunables))
+    for k, one in enumerate(parts.plants):
         loop = trial.loop(k)
         if loop.eigenvalues.real.max() > STABLE:
             return np.inf, one.name
         size, w, i = highest(loop, peak)
-        found.append((size, f"{problem.laws.placed[i].drives}, {w / (2 * np.pi):.2f} Hz, {one.name}"))
+        found.append((size, f"{drives[i]}, {w / (2 * np.pi):.2f} Hz, {one.name}"))
     return max(found)
 
 

@@ -12,7 +12,8 @@ from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
 
 from ..outages import Outages
-from .devices import Device, Single, Stabilizers, Values, stabilizers
+from .case_values import Values
+from .devices import Device, Single, Stabilizers, stabilizers
 from .networks import networks
 from .parts import Asked, Parts
 from .problem import Peak, Problem
