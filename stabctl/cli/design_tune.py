@@ -45,6 +45,10 @@ Sensitivity = Annotated[
 ]
 DiskMargin = Annotated[float | None, Option("--disk-margin", help="Least disk margin of every loop: 0.8.")]
 OneOut = Annotated[bool, Option("--one-out", help="Count each controller out of service, too.")]
+CheckLevels = Annotated[
+    str, Option("--check-levels", metavar="LIST", help="Load levels that are checked without being tuned for, or none.")
+]
+Checks = Annotated[int, Option("--checks", min=0, help="Most critical line faults whose clearing times are compared.")]
 Starts = Annotated[int, Option("--starts", min=1, max=100, help="Starts of the search.")]
 Seed = Annotated[int, Option("--seed", min=0, help="Seed of the random starts.")]
 DyrOut = Annotated[Path | None, Option("--dyr-out", help="Write the stabilizers of --model to this DYR file.")]
@@ -91,6 +95,8 @@ def tune(
     sensitivity: Sensitivity = 2.0,
     disk_margin: DiskMargin = None,
     one_out: OneOut = False,
+    check_levels: CheckLevels = "0.9",
+    checks: Checks = 3,
     starts: Starts = 5,
     seed: Seed = 0,
     workers: options.Workers = None,
@@ -117,6 +123,8 @@ def tune(
             sensitivity=sensitivity or None,
             disk_margin=disk_margin,
             one_out=one_out,
+            check_levels=_numbers("--check-levels", check_levels),
+            checks=checks,
             starts=starts,
             seed=seed,
             workers=workers,
@@ -157,6 +165,11 @@ def _print(found: "Tuned", written: list[str]) -> None:
         every = zip(rows["parameter"], rows["value"], rows["unit"], strict=True)
         table.add_row(str(name), ", ".join(f"{p} {x:.4g} {unit}".rstrip(" -") for p, x, unit in every))
     out.print(table)
+    if found.robustness:
+        holds = Table("with", "worst damping", "Hz", "where")
+        for what, ratio, hz, where in found.holds.to_numpy().tolist():
+            holds.add_row(what, f"{ratio:.4f}", f"{hz:.3f}", where)
+        out.print(holds)
     out.print(str(found))
     for path in written:
         out.print(f"written: {path}")

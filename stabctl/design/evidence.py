@@ -162,16 +162,7 @@ class Evidence:
     @property
     def summary(self) -> str:
         """How the controllers change the clearing times of the checks, as a sentence; empty without checks."""
-        if not self.checks:
-            return ""
-        changes = np.array([c.change for c in self.checks])
-        worst = self.checks[int(changes.argmin())]
-        other = "with the stabilizers of the case" if self.design.given else "without the controllers"
-        return (
-            f"Compared with those {other}, {(changes < 0).sum()} of {counted(len(changes), 'clearing time')} are "
-            f"shorter and {(changes > 0).sum()} longer: median {np.median(changes):+g} cycles, worst "
-            f"{worst.change:+g} cycles ({worst.label})."
-        )
+        return compared(self.checks)
 
     __repr__ = __str__
 
@@ -183,6 +174,20 @@ def _check(c: Check) -> str:
 
 def _cycles(found: ClearingTime) -> str:
     return "none" if found.cycles is None else f"{found.cycles:g} cycles"
+
+
+def compared(checks: Sequence[Check]) -> str:
+    """How controllers change clearing times, as a sentence; empty without any."""
+    if not checks:
+        return ""
+    changes = np.array([c.change for c in checks])
+    worst = checks[int(changes.argmin())]
+    other = "with the stabilizers of the case" if checks[0].replaced else "without the controllers"
+    return (
+        f"Compared with those {other}, {(changes < 0).sum()} of {counted(len(changes), 'clearing time')} are "
+        f"shorter and {(changes > 0).sum()} longer: median {np.median(changes):+g} cycles, worst "
+        f"{worst.change:+g} cycles ({worst.label})."
+    )
 
 
 def evidence(design: Design, checks: Iterable[Contingency | str] = ()) -> Evidence:

@@ -29,6 +29,8 @@ TERMS = 4  # of the series of H around a point that are computed; the rest is bo
 ROUNDING = 1e-14  # error of H, relative to the sum of the magnitudes of its terms
 TOGETHER = 2**19  # numbers in the arrays of points that are computed at once
 DEPENDENT = 1e-12  # size of a combination of rows of H, relative to the largest, that is zero
+PARALLEL = 1e12  # condition of the eigenvectors, from which A has too few
+CHANGES = 0.0, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4  # relative, of the diagonal of such an A
 FARTHEST = 1e12  # 1/s   largest bound of the growing roots
 STARTS = 33  # points of a path to begin with
 HALVINGS = 44  # of the distance between them
@@ -84,7 +86,7 @@ class Characteristic:
             A, C = A + B[:, now] @ x, C[late] + D[np.ix_(late, now)] @ x
             B, D = B[:, late] + B[:, now] @ v, D[np.ix_(late, late)] + D[np.ix_(late, now)] @ v
             delays = delays[late]
-        poles, V = np.linalg.eig(A)
+        poles, V = _apart(A)
         found = cls(poles.astype(complex), np.linalg.solve(V, B.astype(complex)), C @ V, D, delays)
         size = found.largest(1 + 2 * np.abs(poles).max(initial=0.0))
         scale = np.diag(sl.matrix_balance(size, permute=False)[1]) if len(size) else np.ones(0)
@@ -269,6 +271,18 @@ def independent(rows: np.ndarray, delays: np.ndarray) -> tuple[np.ndarray, np.nd
         whole[-1][own] = U[:, kept]
         late.append(np.full(kept.sum(), tau))
     return np.hstack(whole), np.concatenate(late), left_out
+
+
+def _apart(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues and vectors of A; where equal stages of a controller leave it without enough vectors, of A nearby.
+
+    Diagonal elements are then changed, each a little differently, by as few parts as give independent vectors.
+    """
+    for change in CHANGES:
+        poles, V = np.linalg.eig(A + change * np.diag(np.diag(A) * np.linspace(-1, 1, len(A))))
+        if np.linalg.cond(V) < PARALLEL:
+            break
+    return poles, V
 
 
 def growing(f: Characteristic) -> int | None:

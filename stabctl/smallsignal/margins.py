@@ -48,6 +48,7 @@ if TYPE_CHECKING:
 # all controllers together
 LATEST = 2.0  # s   largest delay that is tried
 GAINS = (1e-3, 1e3)  # smallest and largest factor of the gains that is tried
+LEAST = 1e-9  # s   difference of delays that is told apart
 STEPS = 2e-4, 0.02  # s   smallest and largest step of the delays that are tried
 SLOW = 0.01  # s   delay margins beyond this are found to 0.01 ms, smaller ones to 0.1 %
 BESIDE = 1e-3  # of a delay: where roots are counted on both sides of it
@@ -274,7 +275,7 @@ def _delay(f: Characteristic, bound: float, good: Callable[[float], bool]) -> fl
     if np.isinf(high):
         return high
     low = high - step
-    while high - low > 1e-5 * min(1, high / SLOW):
+    while high - low > max(1e-5 * min(1, high / SLOW), LEAST):
         middle = (low + high) / 2
         low, high = (middle, high) if good(middle) else (low, middle)
     return high

@@ -1,5 +1,7 @@
 """Tuning of all controllers at once: its derivatives, its plants, what it finds, and what it says."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from stabctl.design import damper, outages, pi, stabilizers, tune, values
 from stabctl.design.tuning.networks import networks
 from stabctl.design.tuning.parts import Asked, Parts
 from stabctl.design.tuning.problem import WEIGHT, Peak, frequencies, spare, summits
+from stabctl.design.tuning.robustness import shorter
 from stabctl.smallsignal.closed_loop import closed_loop
 
 STORAGE = "3@11=50MW"
@@ -164,6 +167,8 @@ def test_the_worst_damping_is_that_of_the_closed_loops(cases, tuned):
     assert tuned.damping > 0.25
     assert min(found) > tuned.damping - 0.06
     assert tuned.sensitivity[0] <= 2
+    assert tuned.ring_down < 0.01
+    assert len(tuned.checks) == 3
     twice = [c.scaled(2.0) for c in tuned.controllers]
     least = min(m.damping_ratio[m.frequency_hz > 0.1].min() for m in (p.closed_loop(*twice).modes() for p in points))
     assert least == pytest.approx(tuned.doubled.damping, abs=1e-6)
@@ -183,6 +188,44 @@ def test_networks_outside_the_tuning_are_damped_too(cases, tuned):
         own = [c.scaled(float(k)) for c, k in zip(tuned.controllers, rng.uniform(0.8, 1.2, 4), strict=True)]
         modes = cases("two_area_thyristor").with_load_level(0.95).initialize().closed_loop(*own).modes()
         assert modes.damping_ratio[modes.frequency_hz > 0.1].min() > 0.7 * tuned.damping
+
+
+def test_the_table_of_what_it_was_not_tuned_for_is_that_of_closed_loops(cases, tuned):
+    """Random gains, a controller out, and another load level, each computed anew from the case."""
+    table, case = tuned.holds.set_index("what")["damping_ratio"], cases("two_area_thyristor")
+
+    def least(point, controllers):
+        modes = point.closed_loop(*controllers).modes()
+        return modes.damping_ratio[modes.frequency_hz > 0.1].min()
+
+    points = [p for level in (0.9, 1.0) for p in outages(case.with_load_level(level) if level < 1 else case)]
+    for k in (0.7, 1.3, 2.0):
+        own = [c.scaled(k) for c in tuned.controllers]
+        assert table[f"all gains x {k:g}"] == pytest.approx(min(least(p, own) for p in points), abs=1e-6)
+    out = [[c for c in tuned.controllers if c is not gone] for gone in tuned.controllers]
+    intact = [points[0], points[3]]
+    wanted = min(least(p, own) for p in intact for own in out)
+    assert table["one controller out, no other outage"] == pytest.approx(wanted, abs=1e-6)
+    rng = np.random.default_rng(0)
+    draws = [rng.uniform(0.7, 1.3, 4) for _ in range(10)]
+    every = [[c.scaled(float(k)) for c, k in zip(tuned.controllers, d, strict=True)] for d in draws]
+    wanted = min(least(p, own) for p in points for own in every)
+    assert table["each gain +-30 %, worst of 10 draws"] == pytest.approx(wanted, abs=1e-6)
+
+
+def test_a_level_that_was_not_tuned_for_is_checked(cases):
+    found = tune(cases("two_area_thyristor"), levels=(1.0,), gains=(), outages="none", starts=1, check_levels=(0.8,))
+    modes = cases("two_area_thyristor").with_load_level(0.8).initialize().closed_loop(*found.controllers).modes()
+    least = modes.damping_ratio[modes.frequency_hz > 0.1].min()
+    assert found.holds["damping_ratio"].iloc[-1] == pytest.approx(least, abs=1e-6)
+    assert "80 %" in found.holds["what"].iloc[-1]
+
+
+def test_a_clearing_time_that_falls_is_named(cases, tuned):
+    worse = [replace(c, after=c.before, before=c.after) for c in tuned.checks]
+    assert len(shorter(worse)) == 3
+    text = str(replace(tuned, remarks=tuple(replace(tuned, checks=tuple(worse))._remarks(0.0))))
+    assert text.count("A clearing time falls by more than 1/8 cycle") == 3
 
 
 def test_threads_change_nothing(cases, tuned):
@@ -263,3 +306,21 @@ def test_what_cannot_be_tuned_is_said_in_a_sentence(cases, call, message):
         call(cases("two_area_thyristor"))
     assert message in str(error.value)
     assert str(error.value).endswith(".")
+
+
+def test_equal_stages_have_exact_delayed_modes_and_margins(cases):
+    """Two equal lags leave A without a full set of eigenvectors: the margins are those of stages 0.1 % apart (1e-3)."""
+    chain = stabilizers([1], stages=2, washout=(10, 10)).tunables(cases("two_area_thyristor"))[0]
+
+    def controllers(apart):
+        v = np.array([10.0, 10.0, 1.0, 0.5, 1.0, 0.5 * (1 + apart)])
+        one = chain.controller(v)
+        return [replace(one, inputs=f"speed:{n}", outputs=f"vs:{n}", name=f"pss {n}") for n in (1, 2, 3, 4)]
+
+    point = cases("two_area_thyristor").initialize()
+    equal, near = (point.margins(*controllers(apart)) for apart in (0.0, 1e-3))
+    assert 0.01 < near.delay < 1
+    assert equal.delay == pytest.approx(near.delay, rel=5e-3)
+    assert equal.gain_up == pytest.approx(near.gain_up, rel=5e-3)
+    late = point.closed_loop(*(c.delayed("5ms") for c in controllers(0.0))).modes()
+    assert "all found" in str(late)

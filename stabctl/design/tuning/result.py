@@ -1,5 +1,6 @@
 """The result of a tuning, with what speaks for it."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,9 +15,11 @@ from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.smallsignal.closed_loop import closed_loop
 
+from ..evidence import Check, compared
 from ..result import Design
 from .parts import Asked, Parts
-from .problem import LOW, STABLE, Peak, Problem, Trial, highest, spare
+from .problem import LOW, STABLE, Peak, Trial, highest
+from .robustness import Worst, clearing, gains_and_outages, ring_down, shorter, worst
 from .search import Search
 
 if TYPE_CHECKING:
@@ -25,28 +28,6 @@ if TYPE_CHECKING:
 KEPT = 2e-4  # of a limit, that the search leaves as a reserve
 BINDING = 1e-3  # relative distance from a bound, from which it counts as reached
 STATIONARY = 1e-3  # damping ratio that 1 % of every parameter may still promise at the end
-
-
-@dataclass(frozen=True)
-class Worst:
-    """The least damping ratio of some scenarios.
-
-    Attributes
-    ----------
-    damping
-        Damping ratio.
-    frequency_hz
-        Frequency of the mode, Hz.
-    name
-        Network, and factor of the gains.
-    """
-
-    damping: float
-    frequency_hz: float
-    name: str
-
-    def __str__(self) -> str:
-        return f"{self.damping:.4f} at {self.frequency_hz:.3f} Hz ({self.name})"
 
 
 @dataclass(frozen=True, repr=False)
@@ -77,6 +58,12 @@ class Tuned(Design):
         Steps of the search.
     packaged
         Model and machine of each packaged stabilizer that was tuned.
+    robustness
+        What differs from the networks tuned for, and the worst damping then.
+    ring_down
+        Largest difference of the nonlinear simulation and the linear model after a small pulse, of the largest value.
+    checks
+        Clearing times of the most critical line faults, without and with the controllers.
     """
 
     worst_case: Worst | None = None
@@ -90,28 +77,49 @@ class Tuned(Design):
     promise: float = 0.0
     steps: int = 0
     packaged: tuple[tuple[str, int], ...] = ()
+    robustness: tuple[tuple[str, Worst], ...] = ()
+    ring_down: float = 0.0
+    checks: tuple[Check, ...] = ()
 
     @classmethod
-    def found(cls, parts: Parts, asked: Asked, search: Search, left_out: tuple[tuple[str, str], ...]) -> "Tuned":
+    def found(
+        cls,
+        parts: Parts,
+        asked: Asked,
+        search: Search,
+        *,
+        elsewhere: Sequence[Parts],
+        checks: int,
+        seed: int,
+        left_out: tuple[tuple[str, str], ...],
+    ) -> "Tuned":
         """The result of a search."""
         trial, merit = search.best
         split = parts.laws.size
         values = [np.exp(part) for part in parts.laws.parts(trial.p[:split])]
         controllers = [t.controller(v) for t, v in zip(parts.tunables, values, strict=True)]
         points = [one.tuned(parts.of_case, trial.p[split:]) for one in parts.networks]
-        worst = _worst(search.problem, trial, 1.0)
-        short = (asked.damping or 0.0) - worst.damping
+        one = np.ones(len(controllers))
+        least = worst(trial, one)
+        short = (asked.damping or 0.0) - least.damping
         short = max(short, -merit.missed) if merit.missed < -KEPT else short
         design = Design.of(points, controllers, short=short)
         given = [one.given for one in parts.networks]
         changed = any(a is not b.point for a, b in zip(given, parts.networks, strict=True)) or bool(parts.of_case)
         promise = search.promise()
         own = {name: getattr(design, name) for name in ("controllers", "before", "after", "reached", "short")}
+        robust = list(gains_and_outages(parts, trial, asked.gains, seed))
+        for other in elsewhere:
+            own_trial = other.problem(asked).at(trial.p)
+            robust.append((f"{other.networks[0].name} and its outages, not tuned for", worst(own_trial, one)))
         made = cls(
             **own,
+            robustness=tuple(robust),
+            ring_down=ring_down(points[0], controllers) if design.after[0].stable else np.inf,
+            checks=clearing(points[0], given[0] if changed else None, controllers, checks),
             replaced=tuple(closed_loop(point).modes() for point in given) if changed else (),
-            worst_case=worst,
-            doubled=_worst(search.problem, trial, 2.0) if controllers else None,
+            worst_case=least,
+            doubled=worst(trial, 2 * one) if controllers else None,
             sensitivity=_peak(parts, trial, Peak(1.0)) if controllers else None,
             disk_margin=1 / _peak(parts, trial, Peak(1.0, 0.5))[0] if controllers else None,
             values=tuple(_values(parts, trial.p)),
@@ -147,15 +155,23 @@ class Tuned(Design):
     @property
     def summary(self) -> dict[str, Any]:
         """The numbers of the result, as plain values."""
-        worst, doubled = (asdict(one) if one else None for one in (self.worst_case, self.doubled))
+        least, doubled = (asdict(one) if one else None for one in (self.worst_case, self.doubled))
+        rows = [{"what": what, **asdict(one)} for what, one in self.robustness]
+        columns = ("replaced", "before", "after")
+        cycles = {c.label: {k: getattr(c, k) and getattr(c, k).cycles for k in columns} for c in self.checks}
         return {
-            "worst": worst,
+            "worst": least,
             "doubled": doubled,
             "sensitivity": self.sensitivity and self.sensitivity[0],
             "disk_margin": self.disk_margin,
             "reached": self.reached,
             "parameters": self.parameters.to_dict("records"),
             "gains": {name: found for name, _, found in self.gains},
+            "robustness": rows,
+            "ring_down": self.ring_down,
+            "clearing_cycles": {
+                k: dict(zip(("replaced", "before", "after"), v, strict=True)) for k, v in cycles.items()
+            },
             "networks": len(self.before),
             "left_out": dict(self.left_out),
             "promise": self.promise,
@@ -193,6 +209,26 @@ class Tuned(Design):
         files.replace(path, self.dyr.encode())
         return path
 
+    @property
+    def holds(self) -> "pd.DataFrame":
+        """The worst damping with other gains, a controller out, and at load levels not tuned for."""
+        import pandas as pd
+
+        rows = [(what, one.damping, one.frequency_hz, one.name) for what, one in self.robustness]
+        return pd.DataFrame(rows, columns=["what", "damping_ratio", "frequency_hz", "where"])
+
+    def _simulated(self) -> Iterator[str]:
+        """What the nonlinear simulation says."""
+        if self.ring_down < np.inf:
+            yield (
+                "After a small pulse the nonlinear simulation and the linear model differ by "
+                f"{100 * self.ring_down:.1f} % of the largest speed deviation."
+            )
+        if self.checks:
+            yield compared(self.checks)
+        for c in shorter(self.checks):
+            yield f"A clearing time falls by more than 1/8 cycle: {c.label}, {c.change:+g} cycles."
+
     def _remarks(self, missed: float) -> list[str]:
         lines = [f"Worst of all networks, every mode above {LOW:g} Hz: {self.worst_case}."]
         if self.doubled:
@@ -209,6 +245,7 @@ class Tuned(Design):
                 f"Largest gain at high frequencies: {most:.0f}; {at_limit} of {len(self.gains)} controllers have the "
                 "largest one allowed."
             )
+        lines += self._simulated()
         if missed < -KEPT:
             lines.append("Not all limits are kept; ask for less, or give other devices or bounds.")
         if self.damping < 0:
@@ -223,19 +260,6 @@ class Tuned(Design):
                 else f"{counted(len(names), 'network')} left out because {why}."
             )
         return lines
-
-
-def _worst(problem: Problem, trial: Trial, factor: float) -> Worst:
-    """The least damping ratio of all plants with a factor of the gains."""
-    factors = factor * np.ones(len(problem.laws.placed))
-    found = []
-    for k, one in enumerate(problem.plants):
-        s = trial.loop(k, factors).eigenvalues
-        value = spare(s)
-        value = np.where((np.abs(s.imag) >= 2 * np.pi * LOW) | (value < 0), value, np.inf)
-        i = int(value.argmin())
-        found.append((float(value[i]), float(abs(s[i].imag) / (2 * np.pi)), one.name))
-    return Worst(*min(found))
 
 
 def _peak(parts: Parts, trial: Trial, peak: Peak) -> tuple[float, str]:

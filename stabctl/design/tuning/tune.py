@@ -40,6 +40,8 @@ def tune(
     disk_margin: float | None = None,
     together: bool = False,
     one_out: bool = False,
+    check_levels: Iterable[float] = (0.9,),
+    checks: int = 3,
     starts: int = 5,
     seed: int = 0,
     workers: int | None = None,
@@ -79,6 +81,10 @@ def tune(
         Bound the sensitivity and the disk margin of all loops together, not only of each.
     one_out : bool
         Count the damping with each controller out of service, in the networks without outage.
+    check_levels : iterable of float
+        Load levels at which the result is checked, with all outages, without being tuned for.
+    checks : int
+        Most critical line faults whose clearing times are compared, of a screen of the case as it is; 0: none.
     starts : int
         Starts of the search; the first is plain, the others are random.
     seed : int
@@ -113,6 +119,9 @@ def tune(
             raise StudyError(
                 f"{shown(one)} cannot be tuned; give st.design.stabilizers(), damper(...), pi(...) or values(...)."
             )
+    if isinstance(checks, bool) or not isinstance(checks, int) or checks < 0:
+        raise StudyError(f"checks = {shown(checks)} is not allowed; give a number of clearing times, or 0.")
+    levels = tuple(levels)
     tell = progress or (lambda text, share: None)
     with process.one_thread():
         tell("networks", 0.0)
@@ -120,8 +129,11 @@ def tune(
         parts, unmoved = Parts.of(every, given).movable()
         problem = parts.problem(asked)
         best = _searched(problem, parts, asked, (starts, seed, process.used(workers)), tell)
-        tell("modes of all networks", 1.0)
-        return Tuned.found(parts, asked, best, (*left_out, *unmoved))
+        tell("evidence", 1.0)
+        other = tuple(level for level in check_levels if level not in levels) if not isinstance(bases, Outages) else ()
+        elsewhere = [Parts.of(networks(bases, given, outages, [level], ())[0], given) for level in other]
+        more: dict[str, Any] = {"elsewhere": elsewhere, "checks": checks, "seed": seed}
+        return Tuned.found(parts, asked, best, left_out=(*left_out, *unmoved), **more)
 
 
 def _asked(

@@ -1,6 +1,7 @@
 """The page of a design: modes without and with it, root locus, loop gains, step responses, clearing times."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 
 from stabctl.design.evidence import Check, Evidence, evidence
 from stabctl.design.result import FAST, SLOW, Design
+from stabctl.design.tuning import Tuned
 from stabctl.simulation.contingency import Contingency
 from stabctl.smallsignal.modes import Modes
 
@@ -26,11 +28,13 @@ def page(found: Evidence) -> str:
         .get_template("design.html")
         .render(
             title=f"Controllers of {design.base.case.name}",
-            summary=str(design),
+            summary=str(design).splitlines(),
             numbers=list(_numbers(found)),
             controllers=[_controller(c, design.largest_gains.get(c.name)) for c in design.controllers],
             modes=list(_modes(design)),
             points=list(_points(design)) if len(design.before) > 1 else [],
+            parameters=list(_parameters(design)) if isinstance(design, Tuned) else [],
+            holds=list(_holds(design)) if isinstance(design, Tuned) else [],
             checks=[_check(c) for c in found.checks],
             changes=found.summary,
             replaces=design.given is not None,
@@ -63,7 +67,10 @@ def write(design: Design, folder: str | Path, checks: Iterable[Contingency | str
     StudyError
         If the folder cannot be written to, or a contingency does not fit the case.
     """
-    return document.write(folder, f"{design.base.case.name}_design", page(evidence(design, checks)))
+    found = evidence(design, checks)
+    if isinstance(design, Tuned):
+        found = replace(found, checks=(*design.checks, *found.checks))
+    return document.write(folder, f"{design.base.case.name}_design", page(found))
 
 
 def _numbers(found: Evidence) -> Iterator[tuple[str, str]]:
@@ -113,6 +120,18 @@ def _modes(design: Design) -> Iterator[tuple[str, ...]]:
 def _points(design: Design) -> Iterator[tuple[str, ...]]:
     for case, before, after, hz, mode in design.worst.to_numpy().tolist():
         yield case, number(100 * before, 2), number(100 * after, 2), number(hz, 3), mode
+
+
+def _parameters(design: Tuned) -> Iterator[tuple[str, ...]]:
+    """Every parameter that was tuned, with its bounds."""
+    for device, name, value, unit, low, high, at in design.parameters.to_numpy().tolist():
+        yield device, name, f"{value:.4g} {unit}".rstrip(" -"), f"{low:.4g} to {high:.4g}", at
+
+
+def _holds(design: Tuned) -> Iterator[tuple[str, ...]]:
+    """The worst damping with what is different from the networks tuned for."""
+    for what, ratio, hz, where in design.holds.to_numpy().tolist():
+        yield what, number(100 * ratio, 2), number(hz, 3), where
 
 
 def _check(c: Check) -> tuple[str, ...]:
