@@ -49,6 +49,7 @@ bench: .venv/bench  ## measure speed on this machine, of other programs and of v
 	$(BIN)/python benchmarks/storage_converters.py
 	$(BIN)/python benchmarks/estimate.py
 	$(BIN)/python benchmarks/linear.py
+	$(BIN)/python benchmarks/tuning.py
 	$(BIN)/python benchmarks/placement.py
 	$(BIN)/python benchmarks/peers.py
 	$(BIN)/python benchmarks/before.py

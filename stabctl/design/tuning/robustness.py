@@ -19,6 +19,7 @@ from ..evidence import Check
 from .parts import Parts
 from .problem import LOW, Trial, spare
 
+FACTORS = 0.7, 1.3, 2.0  # of all gains
 DRAWS, SPREAD = 10, 0.3  # random gains, each its own, and how far they are from 1
 PULSE, BEGIN, LASTS, SECONDS = 1e-3, 0.1, 0.1, 5.0  # of the largest load; s   of the ring-down
 FRAME = 1 / 240  # s   of the linear response
@@ -65,7 +66,7 @@ def gains_and_outages(parts: Parts, trial: Trial, factors: Sequence[float], seed
     if not n:
         return
     one = np.ones(n)
-    for k in dict.fromkeys((*factors, 2.0)):
+    for k in sorted({*FACTORS, *factors}):
         yield f"all gains x {k:g}", worst(trial, k * one)
     rng = np.random.default_rng(seed)
     draws = [worst(trial, rng.uniform(1 - SPREAD, 1 + SPREAD, n)) for _ in range(DRAWS)]
