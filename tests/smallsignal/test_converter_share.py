@@ -74,4 +74,4 @@ def test_a_simulation_has_the_rate_of_the_least_damped_mode(share, series, count
     assert found.modes.stable == stable
     assert (s.real < 0) == stable
     assert found.rate.real == pytest.approx(s.real, rel=2e-3)  # 9e-4
-    assert found.rate.imag == pytest.approx(s.imag, rel=5e-4)  # 2e-4
+    assert found.rate.imag == pytest.approx(s.imag, rel=1e-3)  # 2e-4, on another processor 7e-4

@@ -163,6 +163,7 @@ class Trial:
         self._plants: dict[int, Matrices] = {}
         self._loops: dict[tuple[int, bytes], Loop] = {}
         self._varied: dict[int, list[Matrices]] = {}
+        self._margins: dict[int, float] = {}
 
     def loop(self, k: int, factors: np.ndarray | None = None) -> Loop:
         """A plant closed with factors of the gains, or with the gains themselves."""
@@ -194,12 +195,14 @@ class Trial:
 
     def margin(self, k: int) -> float:
         """WEIGHT log (bound / peak) of a plant, at worst over the bounds; inf without bounds."""
-        if not self.problem.peaks:
-            return np.inf
-        loop = self.loop(k)
-        if loop.eigenvalues.real.max() > STABLE:
-            return UNSTABLE
-        return WEIGHT * float(min(np.log(peak.bound / highest(loop, peak)[0]) for peak in self.problem.peaks))
+        if k not in self._margins:
+            loop, peaks = self.loop(k), self.problem.peaks
+            if peaks and loop.eigenvalues.real.max() > STABLE:
+                self._margins[k] = UNSTABLE
+            else:
+                each = (np.log(peak.bound / highest(loop, peak)[0]) for peak in peaks)
+                self._margins[k] = WEIGHT * float(min(each, default=np.inf))
+        return self._margins[k]
 
     # Rows.
 

@@ -64,10 +64,16 @@ class Search:
         self.H = np.zeros((len(p),) * 2)
         self.steps, self.kicks, self.radius = 0, 0, FIRST
         self.best = self.now, Merit(-np.inf, 0.0)
+        self.deep = False  # whether `best` was looked at in all plants
 
-    def run(self, steps: int, goal: float = np.inf) -> "Search":
-        """Raise the merit in so many steps more at most, until the goal is reached with all limits."""
-        merit, last, since = self.check(self.steps == 0), self.steps + steps, 0
+    def run(self, steps: int, goal: float = np.inf, deep: bool = True) -> "Search":
+        """Raise the merit in so many steps more at most, until the goal is reached with all limits.
+
+        With `deep`, the sensitivities of all plants are looked at at the end, not only those that are watched.
+        """
+        if deep and not self.deep:
+            self.deep, self.best = True, (self.now, Merit(-np.inf, 0.0))
+        merit, last, since = self.check(deep=False), self.steps + steps, 0
         while self.steps < last and not merit.reaches(goal) and self.kicks <= KICKS:
             rows = self.now.rows(self.which, self.watched, float(np.clip(self.radius / 2, *NEAREST)), MODES)
             while self.radius > SMALLEST:
@@ -87,11 +93,11 @@ class Search:
                 if self.tell:
                     self.tell(Step(merit.level, merit.missed, len(self.which)))
             if stuck or since >= EVERY or merit.reaches(goal):
-                before, merit, since = merit, self.check(stuck or merit.reaches(goal)), 0
+                before, merit, since = merit, self.check(deep and (stuck or merit.reaches(goal))), 0
                 if stuck and merit.value > before.value - RISE:
                     merit = self.kick()
                 self.radius = max(self.radius, AGAIN)
-        self.check()
+        self.check(deep)
         return self
 
     def kick(self) -> Merit:
@@ -105,7 +111,7 @@ class Search:
         self.radius = FIRST / 3
         return self.check(deep=False)
 
-    def check(self, deep: bool = True) -> Merit:
+    def check(self, deep: bool) -> Merit:
         """The merit over all scenarios, and if `deep` over all plants; those that decide are the working set."""
         every, now = range(len(self.problem.scenarios)), self.now
         level, soft = now.levels(every), np.array([one.floor is None for one in self.problem.scenarios])
@@ -120,7 +126,7 @@ class Search:
         over = [k for k in sorted(margin, key=margin.__getitem__) if margin[k] < 0 and k not in self.watched]
         self.watched += over[:JOIN]
         merit = now.merit(every, plants)
-        if deep and merit.value >= self.best[1].value:
+        if deep >= self.deep and merit.value >= self.best[1].value:
             self.best = now, merit
         return merit
 

@@ -176,11 +176,11 @@ def _searched(
 
     searches = [Search(problem, p, count) for p in parts.starts(problem, starts, seed)]
     with ThreadPoolExecutor(workers) as pool:
-        for share, steps in _rounds():
+        for k, (share, steps) in enumerate(_rounds()):
             searches = searches[: max(1, round(starts * share))]
-            list(pool.map(lambda one, n=steps: one.run(n, goal), searches))
+            list(pool.map(lambda one, n=steps, deep=k > 0: one.run(n, goal, deep), searches))
             searches.sort(key=lambda one: -min(one.best[1].value, goal))
-            if searches[0].best[1].reaches(goal):
+            if k and searches[0].best[1].reaches(goal):
                 break
     best = searches[0]
     if asked.damping is None or not best.best[1].reaches(goal):
