@@ -9,7 +9,7 @@ from .parameters import Option
 
 if TYPE_CHECKING:
     from stabctl.design import Tuned
-    from stabctl.design.tuning.devices import Device
+    from stabctl.design.tuning.case_values import Device
 
 SHOWN = 8  # networks in the table: those with the least damping
 

@@ -111,7 +111,7 @@ class Controller:
             checked_frames(self.name, rate, self.delay)
         if self.law is not None and rate is None:
             raise StudyError(f"{self.name}: a Python function is called at a fixed rate; give it, such as rate=60.")
-        low, high = _limits(self.name, self.limits)
+        low, high = checked_limits(self.name, self.limits)
         object.__setattr__(self, "limits", (low, high))
         if not low <= 0 <= high or (math.isnan(low + high) and low == high):
             raise StudyError(f"{self.name}: the limits {low:g} to {high:g} must include 0, its output in steady state.")
@@ -374,7 +374,8 @@ def _matrix(key: str, value: Any, shape: tuple[int | None, int | None]) -> np.nd
     return found
 
 
-def _limits(name: str, value: Any) -> tuple[float, float]:
+def checked_limits(name: str, value: Any) -> tuple[float, float]:
+    """The lowest and the highest output; a number stands for both, the lowest negative."""
     try:
         low, high = (-abs(value), abs(value)) if isinstance(value, int | float) else value
         return float(low), float(high)

@@ -261,17 +261,25 @@ def step_responses(point: OperatingPoint, controllers: Sequence[Controller]) -> 
     load = max(case.loads, key=lambda one: one.p)
     mw = SHARE * load.p
 
-    def response(*own: Controller) -> tuple[np.ndarray, np.ndarray]:
-        m = closed_loop(point, *own, inputs=f"load_p:{load.bus}", outputs="deviation")
-        A, B, T = m.transition()
-        if not T:
-            T = 1 / RATE
-            A, B = held(A, B, T)
-        return _step(A, B * mw / case.base_mva, m.C, m.D * mw / case.base_mva, T)
-
+    without, with_them = (load_step(point, own, load.bus, mw) for own in ((), controllers))
     machines = tuple(str(name) for name in point.rotor_names)
     each = [one for c in controllers for one in _own(point, c)]
-    return StepResponses(load.bus, mw, machines, response(), response(*controllers), tuple(each))
+    return StepResponses(load.bus, mw, machines, without, with_them, tuple(each))
+
+
+def load_step(
+    point: OperatingPoint, controllers: Sequence[Controller], bus: int, mw: float, rate: int = RATE
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times (s) and speed deviations (times, machines), pu, after a step of load, by the linear model.
+
+    `rate` are the times per second of a model without sampled controllers.
+    """
+    m, base = closed_loop(point, *controllers, inputs=f"load_p:{bus}", outputs="deviation"), point.case.base_mva
+    A, B, T = m.transition()
+    if not T:
+        T = 1 / rate
+        A, B = held(A, B, T)
+    return _step(A, B * mw / base, m.C, m.D * mw / base, T)
 
 
 def _own(point: OperatingPoint, c: Controller) -> list[tuple[str, np.ndarray, np.ndarray]]:

@@ -1,6 +1,6 @@
 """Operating points with one branch out of service each, for controllers that must be adequate for all of them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -50,8 +50,8 @@ class Outages:
 
     def __str__(self) -> str:
         text = f"{self.points[0].case.name} and {len(self.points) - 1} outages"
-        for why in dict.fromkeys(reason for _, reason in self.left_out):
-            text += f"; left out because {why}: {', '.join(n for n, reason in self.left_out if reason == why)}"
+        for why, names in by_reason(self.left_out):
+            text += f"; left out because {why}: {', '.join(names)}"
         return f"{text}."
 
     __repr__ = __str__
@@ -96,7 +96,20 @@ def outages(base: Case | OperatingPoint, *, storage: "Fleet | None" = None) -> O
             points.append(operating_point(replace(case, name=f"{case.name} without {name}", branches=rest)))
             names.append(name)
         except StabctlError as error:
-            left_out.append((name, str(error).partition(";")[0].rstrip(".")))
+            left_out.append((name, reason(error)))
     if len(points) == 1:
         raise StudyError(f"No outage of {case.name} has an operating point; design for the intact system.")
     return Outages(tuple(points), tuple(names), tuple(left_out))
+
+
+def reason(error: Exception) -> str:
+    """The first part of an error's sentence."""
+    return str(error).partition(";")[0].rstrip(".")
+
+
+def by_reason(left_out: Iterable[tuple[str, str]]) -> list[tuple[str, list[str]]]:
+    """Every reason with the names of what is left out because of it."""
+    found: dict[str, list[str]] = {}
+    for name, why in left_out:
+        found.setdefault(why, []).append(name)
+    return list(found.items())

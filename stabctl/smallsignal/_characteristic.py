@@ -280,7 +280,7 @@ def _apart(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     for change in CHANGES:
         poles, V = np.linalg.eig(A + change * np.diag(np.diag(A) * np.linspace(-1, 1, len(A))))
-        if np.linalg.cond(V) < PARALLEL:
+        if np.linalg.cond(V, 1) < PARALLEL:
             break
     return poles, V
 

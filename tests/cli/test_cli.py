@@ -240,3 +240,21 @@ def test_every_value_that_is_read_in_its_own_way_has_a_name_in_the_help():
     }
     assert {"Observe"} <= read.keys()
     assert not [name for name, option in read.items() if not option.metavar]
+
+
+def test_design_tune_says_its_numbers(stabctl, tmp_path):
+    """The JSON has the clearing times of every check, the worst network, and every parameter."""
+    record = tmp_path / "k.dyr"
+    given = ("two_area_thyristor", "--model", "ieeest", "--starts", "1", "--gains", "none", "--check-levels", "none")
+    code, out, err = stabctl("design", "tune", *given, "--checks", "1", "--dyr-out", str(record), "--json")
+    assert code == 0, err
+    found = json.loads(out)
+    (cycles,) = found["clearing_cycles"].values()
+    assert set(cycles) == {"replaced", "before", "after"}
+    assert cycles["replaced"] is None
+    assert 0 < cycles["before"] < cycles["after"]
+    assert found["worst"]["damping"] > 0.2
+    assert len(found["parameters"]) == 4 * 5
+    assert len(found["robustness"]) == 5
+    assert record.read_text().count("'IEEEST'") == 4
+    assert found["files"] == [str(record)]

@@ -22,22 +22,13 @@ KINDS = {
     "pss2b": [stabilizers(model="pss2b", stages=3)],
     "late": [stabilizers(), damper("deviation:1+2", "order:3@11", delay=("50ms", "150ms"), notch=(2, 6))],
     "direct path": [stabilizers([1]), damper("flow:7-8", "order:3@11", gain=0.3, fast=1), pi("voltage:7", "vref:2")],
-    "case": [stabilizers([1, 2]), values("exst3.KA"), values("genrou.H", together=True)],
+    "case": [stabilizers([1, 2]), values("sexs.KA"), values("genrou.H", together=True)],
 }
-
-
-def thyristor(cases):
-    """Kundur's system with storage; some exciters are EXST3, whose gain is tuned."""
-    return cases("two_area_thyristor").initialize(storage=STORAGE)
 
 
 def made(cases, kind, *, intact=True, **asked):
     """The parts and the problem of one kind of devices."""
-    devices = KINDS[kind]
-    point = thyristor(cases)
-    if kind == "case":
-        table = next(name for name in point.case.devices if point.case.model(1, "exciter") == name)
-        devices = [devices[0], values(f"{table}.KA"), devices[2]]
+    devices, point = KINDS[kind], cases("two_area_thyristor").initialize(storage=STORAGE)
     every, _ = networks(point, devices, "none" if intact else "all", (1.0,), ())
     parts = Parts.of(every, devices)
     more = {"damping": None, "gains": (0.7,), "doubled": 0.0, "peaks": (), "one_out": True} | asked
@@ -296,6 +287,7 @@ def test_a_network_that_nothing_stabilizes_is_named(cases):
         (lambda c: stabilizers(lead=(1, 0.1)), "lead = (1, 0.1)"),
         (lambda c: stabilizers(gain=0), "gain = 0"),
         (lambda c: damper("", "vs:1"), "input = ''"),
+        (lambda c: damper("speed:1", "vs:1", limits="a lot"), "limits = 'a lot'"),
         (lambda c: damper("speed:1", "vs:1", delay=-1), "delay = -1"),
         (lambda c: values("pss"), "'pss'"),
         (lambda c: values("pss.K", within=(2, 3)), "leaves out the value"),

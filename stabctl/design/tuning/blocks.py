@@ -212,7 +212,7 @@ MODELS: Mapping[str, Model] = {
     "ieeest": Model("KS", 2, ("Lmin", "Lmax"), _ieeest),
     "pss2b": Model("KS1", 3, ("VSTmin", "VSTmax"), _pss2b),
 }
-LEADS, LAGS = ("T1", "T3", "T10"), ("T2", "T4", "T11")  # of the stages of all of them
+STAGES = ("T1", "T2"), ("T3", "T4"), ("T10", "T11")  # lead and lag of each stage, of all of them
 
 
 @dataclass(frozen=True)
@@ -237,8 +237,8 @@ class ModelBlock:
     @cached_property
     def fast(self) -> np.ndarray:
         """Powers of the parameters in the gain at high frequencies."""
-        names = [one.name for one in self.variables]
-        return np.array([1.0] + [float((name in LEADS) - (name in LAGS)) for name in names[1:]])
+        powers = {name: power for pair in STAGES for name, power in zip(pair, (1.0, -1.0), strict=True)}
+        return np.array([1.0] + [powers[one.name] for one in self.variables[1:]])
 
     @cached_property
     def reads(self) -> tuple[str, ...]:

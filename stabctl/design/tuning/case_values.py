@@ -1,6 +1,7 @@
 """Parameters that a case already has, to be tuned."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from stabctl._util.errors import StudyError, shown
 from stabctl.model import naming
@@ -10,6 +11,22 @@ from stabctl.model.edit import resolve
 from .blocks import Range, Variable, checked_range
 
 Shared = tuple[tuple[str, ...], Variable]  # paths of the case that share a variable
+
+
+class Device:
+    """What may be tuned."""
+
+    def prepared(self, case: Case) -> Case:
+        """The case without what it replaces."""
+        return case
+
+    def tunables(self, case: Case) -> list[Any]:
+        """Its controllers in a case."""
+        return []
+
+    def of_case(self, case: Case) -> list[Shared]:
+        """Its parameters of the case."""
+        return []
 
 
 def value(case: Case, path: str) -> float:
@@ -24,14 +41,14 @@ def value(case: Case, path: str) -> float:
 
 
 @dataclass(frozen=True)
-class Values:
+class Values(Device):
     """Parameters that the case has; see `values`."""
 
     path: str
     within: Range
     together: bool
 
-    def of(self, case: Case) -> list[Shared]:
+    def of_case(self, case: Case) -> list[Shared]:
         """Paths that share a variable, and the variable."""
         paths = self._paths(case)
         held = [value(case, path) for path in paths]

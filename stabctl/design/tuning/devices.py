@@ -8,17 +8,18 @@ import numpy as np
 
 from stabctl import devices
 from stabctl._util.errors import StudyError, shown
-from stabctl.controllers.controller import Controller
+from stabctl.controllers.controller import Controller, checked_limits
 from stabctl.controllers.timing import duration
 from stabctl.model import naming, tables
 from stabctl.model.case import Case
 
+from . import blocks
 from .blocks import MODELS, Chain, Integral, LeadLag, ModelBlock, Notch, Range, Variable, Washout, checked_range
-from .case_values import Values
+from .case_values import Device
 
 SMALLEST = 1e-3  # of the largest gain
 STAGES = 5  # at most
-PAIRS = ("T1", "T2"), ("T3", "T4"), ("T10", "T11")  # lead and lag of the stages of packaged stabilizers
+INERTIA = 4.0  # s   of a machine whose model has none
 WASHOUT = 10.0  # s   of a packaged stabilizer that the case does not have
 
 
@@ -81,13 +82,13 @@ class Stages:
         """Gain, washout or integral, stages, and more blocks."""
         size = abs(gain)
         if integral is None:
-            blocks: list[Any] = [Washout((variable("Tw", "s", self.washout, WASHOUT),))]
+            parts: list[Any] = [Washout((variable("Tw", "s", self.washout, WASHOUT),))]
         else:
-            blocks = [Integral((variable("Ti", "s", integral, float(np.sqrt(np.prod(integral)))),))]
+            parts = [Integral((variable("Ti", "s", integral, float(np.sqrt(np.prod(integral)))),))]
         for k in range(self.stages):
             lead, lag = variable(f"T{2 * k + 1}", "s", self.lead, 0.2), variable(f"T{2 * k + 2}", "s", self.lag, 0.05)
-            blocks.append(LeadLag((lead, lag)))
-        return Chain(Variable("K", "pu", SMALLEST * size, size, size / 4), (*blocks, *more), float(np.sign(gain)))
+            parts.append(LeadLag((lead, lag)))
+        return Chain(Variable("K", "pu", SMALLEST * size, size, size / 4), (*parts, *more), float(np.sign(gain)))
 
 
 def variable(name: str, unit: str, bounds: Range, start: float) -> Variable:
@@ -130,7 +131,7 @@ def without_stabilizers(case: Case, numbers: Sequence[int]) -> Case:
 
 
 @dataclass(frozen=True)
-class Stabilizers:
+class Stabilizers(Device):
     """Stabilizers of exciters; see `stabilizers`."""
 
     machines: Iterable[int] | None
@@ -138,7 +139,7 @@ class Stabilizers:
     gain: float
     fast: float
     shape: Stages
-    limits: tuple[float, float] | float
+    limits: tuple[float, float]
 
     def prepared(self, case: Case) -> Case:
         """The case without the stabilizers that its machines have."""
@@ -149,36 +150,34 @@ class Stabilizers:
         return [self._at(case, n) for n in with_exciter(case, self.machines)]
 
     def _at(self, case: Case, n: int) -> Tunable:
-        low, high = (-abs(self.limits), abs(self.limits)) if isinstance(self.limits, int | float) else self.limits
         if self.model is None:
             structure: Any = self.shape.chain(self.gain)
-            return Tunable(structure, (f"speed:{n}",), f"vs:{n}", self.fast, limits=(low, high))
-        given = self._given(case, n, (low, high))
+            return Tunable(structure, (f"speed:{n}",), f"vs:{n}", self.fast, limits=self.limits)
+        given = self._given(case, n)
         gain = MODELS[self.model].gain
         bounds = {gain: (SMALLEST * abs(self.gain), abs(self.gain))}
-        for lead, lag in PAIRS[: self.shape.stages]:
+        for lead, lag in blocks.STAGES[: self.shape.stages]:
             bounds |= {lead: self.shape.lead, lag: self.shape.lag}
         starts = {k: abs(given[k]) or np.sqrt(np.prod(bounds[k])) for k in bounds}
         tuned = tuple(variable(k, "pu" if k == gain else "s", bounds[k], starts[k]) for k in bounds)
         structure = ModelBlock(self.model, given, tuned, float(np.sign(self.gain)))
         inputs = tuple(f"{kind}:{n}" for kind in structure.reads)
-        return Tunable(structure, inputs, f"vs:{n}", self.fast, limits=(low, high), machine=n)
+        return Tunable(structure, inputs, f"vs:{n}", self.fast, limits=self.limits, machine=n)
 
-    def _given(self, case: Case, n: int, limits: tuple[float, float]) -> dict[str, Any]:
+    def _given(self, case: Case, n: int) -> dict[str, Any]:
         """Parameters of the model at a machine: those of the case, or typical ones."""
         assert self.model is not None
-        for key, par in case.devices.get(self.model, {}).items():
-            if naming.number(key) == n:
-                return dict(par._asdict())
-        H = _inertia(case, n)
-        return MODELS[self.model].typical(H) | dict(zip(MODELS[self.model].limits, limits, strict=True))
+        own, machine = parameters(case, self.model, n), parameters(case, case.model(n, "machine"), n)
+        if own is not None:
+            return dict(own._asdict())
+        H = float(getattr(machine, "H", INERTIA))
+        return MODELS[self.model].typical(H) | dict(zip(MODELS[self.model].limits, self.limits, strict=True))
 
 
-def _inertia(case: Case, n: int) -> float:
-    """Inertia constant of a machine on its own base, s."""
-    model = case.model(n, "machine")
-    rows = case.devices[model] if model else {}
-    return float(next((par.H for key, par in rows.items() if naming.number(key) == n and hasattr(par, "H")), 4.0))
+def parameters(case: Case, model: str | None, n: int) -> Any:
+    """The parameters of the first device of a model at a machine; None if it has none."""
+    rows = case.devices.get(model or "", {})
+    return next((par for key, par in rows.items() if naming.number(key) == n), None)
 
 
 def stabilizers(
@@ -239,21 +238,18 @@ def stabilizers(
     numbers = tuple(machines) if isinstance(machines, Iterable) and not isinstance(machines, str) else machines
     shape = Stages(stages, washout, lead, lag)
     fast = abs(checked_gain("fast", fast))
-    return Stabilizers(numbers, model, checked_gain("gain", gain), fast, shape, limits)
+    low_high = checked_limits("stabilizers", limits)
+    return Stabilizers(numbers, model, checked_gain("gain", gain), fast, shape, low_high)
 
 
 # Other controllers.
 
 
 @dataclass(frozen=True)
-class Single:
+class Single(Device):
     """One controller from a signal to an input; see `damper` and `pi`."""
 
     tunable: Tunable
-
-    def prepared(self, case: Case) -> Case:
-        """The case: nothing is replaced."""
-        return case
 
     def tunables(self, case: Case) -> list[Tunable]:
         """The controller."""
@@ -358,7 +354,8 @@ def pi(
     --------
     >>> st.design.pi("voltage:7", "vref:2", gain=-5)
     """
-    shape = Stages(0, (1.0, 1.0), (1.0, 1.0), (1.0, 1.0))
+    unused = (1.0, 1.0)
+    shape = Stages(0, unused, unused, unused)
     chain = shape.chain(checked_gain("gain", gain), integral=checked_range("reset", reset, "s"))
     return _single(input, output, chain, np.inf, delay, limits)
 
@@ -368,14 +365,9 @@ def _single(input: str, output: str, chain: Chain, fast: float, delay: Any, limi
     delays = tuple(duration("delay", one) for one in several)
     if not delays:
         raise StudyError("delay names no time; give one or several.")
-    low, high = (
-        (-np.inf, np.inf) if limits is None else limits if not isinstance(limits, int | float) else (-limits, limits)
-    )
     fast = abs(checked_gain("fast", fast)) if np.isfinite(fast) else fast
     for name, value in (("input", input), ("output", output)):
         if not isinstance(value, str) or not value.strip():
             raise StudyError(f"{name} = {shown(value)} does not name a signal; give one, such as 'deviation:1'.")
-    return Single(Tunable(chain, (input,), output, fast, delays, (low, high)))
-
-
-Device = Stabilizers | Single | Values  # what may be tuned
+    bounds = checked_limits(f"{input} to {output}", np.inf if limits is None else limits)
+    return Single(Tunable(chain, (input,), output, fast, delays, bounds))

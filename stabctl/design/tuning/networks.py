@@ -12,10 +12,9 @@ from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
 
-from ..outages import Outages, outages
+from ..outages import Outages, outages, reason
 from ..result import operating_points
-from .case_values import Shared, Values, value
-from .devices import Device
+from .case_values import Device, Shared, value
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +78,9 @@ def networks(
             case = point.case if level == 1 else point.case.with_load_level(level)
             name = case.name if level == 1 else f"{case.name} at {100 * level:g} %"
             case = replace(case, name=name)
-            bare = _prepared(case, devices)
+            bare = case
+            for one in devices:
+                bare = one.prepared(bare)
             try:
                 own = [operating_point(bare) if bare is not point.case else point]
             except StabctlError as error:
@@ -88,15 +89,15 @@ def networks(
                 left_out.append((name, reason(error)))
                 continue
             if which == "all" and not known:
-                made, out = _outages(own[0])
-                own += made
+                more, out = _outages(own[0])
+                own += more
                 left_out += out
             for c in several:
                 try:
                     own.append(operating_point(_after(bare, c)))
                 except StabctlError as error:
                     left_out.append((f"{name} after {c.label}", reason(error)))
-            found += [Network(one, case.devices, not known and one is own[0]) for one in own]
+            found += [Network(made, case.devices, not known and made is own[0]) for made in own]
     return found, left_out
 
 
@@ -109,20 +110,8 @@ def _outages(point: OperatingPoint) -> tuple[list[OperatingPoint], list[tuple[st
     return list(every.points[1:]), [(f"{point.case.name} without {name}", why) for name, why in every.left_out]
 
 
-def reason(error: Exception) -> str:
-    """The first part of an error's sentence."""
-    return str(error).partition(";")[0].rstrip(".")
-
-
 def _after(case: Case, c: Contingency) -> Case:
     """The case without the circuits that a contingency opens."""
     gone = {naming.row(case, "branches", str(k)) for k in c.placed(case).opened}
     rest = tuple(b for i, b in enumerate(case.branches) if i not in gone)
     return replace(case, name=f"{case.name} after {c.label}", branches=rest)
-
-
-def _prepared(case: Case, devices: Sequence[Device]) -> Case:
-    for one in devices:
-        if not isinstance(one, Values):
-            case = one.prepared(case)
-    return case

@@ -11,11 +11,11 @@ from stabctl.controllers.realization import Matrices
 from stabctl.smallsignal.eigen import eigen
 
 from .blocks import Laws, Placed, Variable, drawn
-from .case_values import Shared, Values
-from .devices import Device, Tunable
+from .case_values import Device, Shared
+from .devices import Tunable
 from .networks import Network
-from .plants import Plant, plant
-from .problem import STABLE, Peak, Problem, Scenario
+from .plants import STABLE, Plant, plant
+from .problem import Peak, Problem, Scenario
 
 UNMOVED = 1e-9  # of an unstable mode: how far it is seen and moved, below which nothing stabilizes it
 JITTER = 0.05  # of the first start: equal stages are a saddle
@@ -64,8 +64,8 @@ class Parts:
         """The plants of all networks."""
         first = networks[0]
         with_own = replace(first.point.case, devices=first.devices)
-        tunables = [t for one in devices if not isinstance(one, Values) for t in one.tunables(with_own)]
-        of_case = [pair for one in devices if isinstance(one, Values) for pair in one.of(first.point.case)]
+        tunables = [t for one in devices for t in one.tunables(with_own)]
+        of_case = [pair for one in devices for pair in one.of_case(first.point.case)]
         if not tunables and not of_case:
             raise StudyError("There is no parameter to tune; give st.design.stabilizers() or another device.")
         drives = list(dict.fromkeys(t.output for t in tunables))

@@ -20,6 +20,7 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.smallsignal.eigen import Eigen, eigen, without
 from stabctl.smallsignal.model import linearize
 
+STABLE = 1e-4  # 1/s   real part of an eigenvalue, up to which it is left alone
 STEP = 2e-3  # of the logarithm of a parameter of the case, for differences of the fourth order
 
 
@@ -98,6 +99,11 @@ class Loop:
     def eigenvalues(self) -> np.ndarray:
         """Eigenvalues, 1/s."""
         return self.modal.values if "modal" in vars(self) else np.linalg.eigvals(self.A)
+
+    @property
+    def stable(self) -> bool:
+        """Whether no eigenvalue grows."""
+        return bool(self.eigenvalues.real.max() <= STABLE)
 
     @cached_property
     def modal(self) -> Eigen:

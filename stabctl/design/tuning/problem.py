@@ -20,11 +20,10 @@ from scipy.linalg.lapack import zgetrf, zgetrs
 from stabctl.controllers.realization import Matrices
 
 from .blocks import Laws
-from .plants import Loop, Plant
+from .plants import STABLE, Loop, Plant
 
 LOW = 0.1  # Hz   from which the damping ratio counts in full
 EASE = 0.2  # by which less is asked at a frequency e times lower
-STABLE = 1e-4  # 1/s   real part up to which a real eigenvalue is left alone
 WEIGHT = 0.2  # of the logarithm of a peak: comparable with a damping ratio
 LOWEST, HIGHEST, FREQUENCIES = 0.02, 30.0, 80  # Hz   of sensitivities
 ROUNDS = 4  # of refinement of a peak, each to a quarter of the distance between frequencies
@@ -197,7 +196,7 @@ class Trial:
         """WEIGHT log (bound / peak) of a plant, at worst over the bounds; inf without bounds."""
         if k not in self._margins:
             loop, peaks = self.loop(k), self.problem.peaks
-            if peaks and loop.eigenvalues.real.max() > STABLE:
+            if peaks and not loop.stable:
                 self._margins[k] = UNSTABLE
             else:
                 each = (np.log(peak.bound / highest(loop, peak)[0]) for peak in peaks)
@@ -232,7 +231,7 @@ class Trial:
     def _peak_rows(self, k: int, rows: Rows) -> None:
         """Rows of the peaks near the bounds, of a plant that is stable."""
         loop = self.loop(k)
-        if loop.eigenvalues.real.max() > STABLE:
+        if not loop.stable:
             return
         ones, nu = np.ones(len(self.problem.laws.placed)), loop.nu
         for index, peak in enumerate(self.problem.peaks):
@@ -323,9 +322,22 @@ def _sizes(loop: Loop, peak: Peak, w: np.ndarray) -> np.ndarray:
 
 
 def summits(loop: Loop, peak: Peak, above: float) -> list[tuple[float, float, int]]:
-    """Size, frequency (rad/s) and loop of the local maxima above a size, by golden sections between grid points."""
+    """Size, frequency (rad/s) and loop of the local maxima above a size."""
+    w = frequencies(loop)
+    return _refined(loop, peak, w, _sizes(loop, peak, w), above)
+
+
+def highest(loop: Loop, peak: Peak) -> tuple[float, float, int]:
+    """The highest summit: size, frequency (rad/s), loop."""
     w = frequencies(loop)
     size = _sizes(loop, peak, w)
+    k, i = np.unravel_index(size.argmax(), size.shape)
+    edge = float(size[k, i]), float(w[k]), int(i)
+    return max(_refined(loop, peak, w, size, 0.95 * edge[0]), default=edge)
+
+
+def _refined(loop: Loop, peak: Peak, w: np.ndarray, size: np.ndarray, above: float) -> list[tuple[float, float, int]]:
+    """Local maxima of sizes (frequencies, loops) on a grid, each looked for on finer and finer grids around it."""
     inner = (size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:]) & (size[1:-1] > above)
     found = []
     for k, i in zip(*np.nonzero(inner), strict=True):
@@ -337,12 +349,3 @@ def summits(loop: Loop, peak: Peak, above: float) -> list[tuple[float, float, in
             low, high = tried[best - 1], tried[best + 1]
         found.append((float(at.max()), float(tried[at.argmax()]), int(i)))
     return found
-
-
-def highest(loop: Loop, peak: Peak) -> tuple[float, float, int]:
-    """The highest summit: size, frequency (rad/s), loop."""
-    w = frequencies(loop)
-    size = _sizes(loop, peak, w)
-    k, i = np.unravel_index(size.argmax(), size.shape)
-    edge = float(size[k, i]), float(w[k]), int(i)
-    return max(summits(loop, peak, 0.95 * edge[0]), default=edge)

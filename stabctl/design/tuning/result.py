@@ -11,14 +11,15 @@ from stabctl import devices
 from stabctl._util import files
 from stabctl._util.errors import StudyError
 from stabctl._util.wording import counted
-from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.smallsignal.closed_loop import closed_loop
 
 from ..evidence import Check, compared
+from ..outages import by_reason
 from ..result import Design
+from .devices import parameters
 from .parts import Asked, Parts
-from .problem import LOW, STABLE, Peak, Trial, highest
+from .problem import LOW, Peak, Trial, highest
 from .robustness import Worst, clearing, gains_and_outages, ring_down, shorter, worst
 from .search import Search
 
@@ -169,9 +170,7 @@ class Tuned(Design):
             "gains": {name: found for name, _, found in self.gains},
             "robustness": rows,
             "ring_down": self.ring_down,
-            "clearing_cycles": {
-                k: dict(zip(("replaced", "before", "after"), v, strict=True)) for k, v in cycles.items()
-            },
+            "clearing_cycles": cycles,
             "networks": len(self.before),
             "left_out": dict(self.left_out),
             "promise": self.promise,
@@ -249,11 +248,10 @@ class Tuned(Design):
         if missed < -KEPT:
             lines.append("Not all limits are kept; ask for less, or give other devices or bounds.")
         if self.damping < 0:
-            lines.append("Nothing was found that stabilizes every network; leave that one out, or add devices.")
+            lines.append("Nothing was found that stabilizes every network; leave out the worst, or add devices.")
         if self.promise > STATIONARY:
             lines.append("The search ended before nothing more could be gained; more starts may find more damping.")
-        for why in dict.fromkeys(reason for _, reason in self.left_out):
-            names = [n for n, reason in self.left_out if reason == why]
+        for why, names in by_reason(self.left_out):
             lines.append(
                 f"Left out because {why}: {', '.join(names)}."
                 if len(names) < 20
@@ -267,7 +265,7 @@ def _peak(parts: Parts, trial: Trial, peak: Peak) -> tuple[float, str]:
     found, drives = [], list(dict.fromkeys(t.output for t in parts.tunables))
     for k, one in enumerate(parts.plants):
         loop = trial.loop(k)
-        if loop.eigenvalues.real.max() > STABLE:
+        if not loop.stable:
             return np.inf, one.name
         size, w, i = highest(loop, peak)
         found.append((size, f"{drives[i]}, {w / (2 * np.pi):.2f} Hz, {one.name}"))
@@ -292,8 +290,7 @@ def record(case: Case, model: str, number: int) -> str:
     """The DYR record of a stabilizer: bus, model, identifier and constants in the order of its file."""
     device = devices.every()[model]
     kind, order = list(device.dyr.items())[-1]
-    par = next(par for key, par in case.devices[model].items() if naming.number(key) == number)
-    known = dict(par._asdict()) | dict.fromkeys(("bus", "bus1", "bus2"), 0)
+    known = dict(parameters(case, model, number)._asdict()) | dict.fromkeys(("bus", "bus1", "bus2"), 0)
     texts = []
     for word in order.split():
         over, _, under = word.lstrip("+'").partition("_over_")

@@ -6,12 +6,12 @@ Every step linearizes the rows near the worst and solves (Clarabel)
 
 with bounds and G (p + d) <= g; H estimates the curvature of the rows that decide (damped BFGS on their Lagrangian). A
 step is taken if the exact merit rises. Steps see the scenarios near the worst; every few steps and at the end all are
-checked, and those that are worse join. Sources: M. Overton, T. Dhillon et al. on eigenvalue optimization by SQP; J.
-Nocedal, S. Wright, Numerical Optimization, 2006, section 18.3 and procedure 18.2.
+checked, and those that are worse join. Sources: F. Curtis, M. Overton, A Sequential Quadratic Programming Algorithm for
+Nonconvex, Nonsmooth Constrained Optimization, SIAM J. Optim. 22, 2012; J. Nocedal, S. Wright, Numerical Optimization,
+2006, section 18.3 (damped BFGS).
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,21 +24,13 @@ BUNDLED = 0.06  # radius below which a step that fails leaves its rows
 AGAIN = 0.02  # least radius after a check
 DECIDES = 1e-4  # weight of a row, relative to the largest, from which it counts in the curvature
 STEEPEST = 10.0  # first curvature at most
-KICKS, KICK = 4, 0.02  # new beginnings at most, and their distance
+RESTARTS, NEARBY = 4, 0.02  # at most, and their distance from the best
 LITTLE = 0.01  # radius of the test of stationarity
 WITHIN = 0.02  # damping ratio above the worst, up to which a scenario is in the working set
 FEWEST, MOST = 8, 14  # scenarios that join at least, and at most
 EVERY = 5  # steps between checks of all scenarios
 RISE = 1e-5  # of the merit, by which a step must raise it
 JOIN = 3  # plants at most, whose sensitivity is watched, that join in a check
-
-
-class Step(NamedTuple):
-    """A step of a search, for progress."""
-
-    level: float
-    missed: float
-    scenarios: int
 
 
 class Search:
@@ -51,10 +43,10 @@ class Search:
     p
         Start.
     tell
-        Called after each step.
+        Called after each step with the level.
     """
 
-    def __init__(self, problem: Problem, p: np.ndarray, tell: Callable[[Step], None] | None = None) -> None:
+    def __init__(self, problem: Problem, p: np.ndarray, tell: Callable[[float], None] | None = None) -> None:
         self.problem, self.tell = problem, tell
         self.now = problem.at(np.clip(p, problem.low, problem.high))
         self.plants = sorted({one.plant for one in problem.scenarios}) if problem.peaks else []
@@ -62,7 +54,7 @@ class Search:
         self.joined: set[int] = set()
         self.watched: list[int] = []
         self.H = np.zeros((len(p),) * 2)
-        self.steps, self.kicks, self.radius = 0, 0, FIRST
+        self.steps, self.restarts, self.radius = 0, 0, FIRST
         self.best = self.now, Merit(-np.inf, 0.0)
         self.deep = False  # whether `best` was looked at in all plants
 
@@ -74,7 +66,7 @@ class Search:
         if deep and not self.deep:
             self.deep, self.best = True, (self.now, Merit(-np.inf, 0.0))
         merit, last, since = self.check(deep=False), self.steps + steps, 0
-        while self.steps < last and not merit.reaches(goal) and self.kicks <= KICKS:
+        while self.steps < last and not merit.reaches(goal) and self.restarts <= RESTARTS:
             rows = self.now.rows(self.which, self.watched, float(np.clip(self.radius / 2, *NEAREST)), MODES)
             while self.radius > SMALLEST:
                 d, weights = self.program(rows, self.radius, merit.level)
@@ -91,20 +83,20 @@ class Search:
                 self.now, merit, self.radius = new, found, min(1.5 * self.radius, LARGEST)
                 self.steps, since = self.steps + 1, since + 1
                 if self.tell:
-                    self.tell(Step(merit.level, merit.missed, len(self.which)))
+                    self.tell(merit.level)
             if stuck or since >= EVERY or merit.reaches(goal):
                 before, merit, since = merit, self.check(deep and (stuck or merit.reaches(goal))), 0
                 if stuck and merit.value > before.value - RISE:
-                    merit = self.kick()
+                    merit = self.restart()
                 self.radius = max(self.radius, AGAIN)
         self.check(deep)
         return self
 
-    def kick(self) -> Merit:
-        """Go on from near the best, without the curvature: at a kink, steps end before the place is stationary."""
-        rng, p = np.random.default_rng(self.kicks), self.best[0].p
-        self.kicks += 1
-        near = p + KICK * rng.standard_normal(len(p))
+    def restart(self) -> Merit:
+        """Begin again near the best, without the curvature: at a kink, steps end before the point is stationary."""
+        rng, p = np.random.default_rng(self.restarts), self.best[0].p
+        self.restarts += 1
+        near = p + NEARBY * rng.standard_normal(len(p))
         room = self.problem.g - self.problem.G @ near
         self.now = self.problem.at(np.clip(near if (room >= 0).all() else p, self.problem.low, self.problem.high))
         self.H = np.zeros_like(self.H)

@@ -1,6 +1,6 @@
 """Tuning of every controller at once, over every network that may occur."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Literal
 
@@ -12,16 +12,15 @@ from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
 
 from ..outages import Outages
-from .case_values import Values
-from .devices import Device, Single, Stabilizers, stabilizers
+from .case_values import Device
+from .devices import stabilizers
 from .networks import networks
 from .parts import Asked, Parts
 from .problem import Peak, Problem
 from .result import Tuned
-from .search import Search, Step
+from .search import Search
 
-ROUNDS = (8, 10, 12, 12)  # steps of the rounds
-GO_ON = (1.0, 0.4, 0.2)  # share of the starts that take part in the first rounds; then the best alone
+ROUNDS = (1.0, 8), (0.4, 10), (0.2, 12), (0.0, 12)  # share of the starts, at least one, and steps
 MORE = 5e-4  # damping ratio beyond what is asked, while the gains are lowered
 MOST_STARTS = 100
 
@@ -111,11 +110,10 @@ def tune(
     asked = _asked(damping, gains, doubled, sensitivity, disk_margin, together, one_out)
     if isinstance(starts, bool) or not isinstance(starts, int) or not 1 <= starts <= MOST_STARTS:
         raise StudyError(f"starts = {shown(starts)} is not allowed; give 1 to {MOST_STARTS}.")
-    kinds = Stabilizers | Single | Values
-    given = [devices] if isinstance(devices, kinds) else [stabilizers()] if devices is None else devices
+    given = [devices] if isinstance(devices, Device) else [stabilizers()] if devices is None else devices
     given = list(given) if isinstance(given, Iterable) else [given]
     for one in given:
-        if not isinstance(one, kinds):
+        if not isinstance(one, Device):
             raise StudyError(
                 f"{shown(one)} cannot be tuned; give st.design.stabilizers(), damper(...), pi(...) or values(...)."
             )
@@ -167,16 +165,16 @@ def _searched(
     """The best of several starts, of which fewer go on after each round; at the goal, with lower gains."""
     starts, seed, workers = how
     goal = float("inf") if asked.damping is None else asked.damping + MORE
-    done, whole = 0, sum(max(1, round(starts * share)) * steps for share, steps in _rounds())
+    done, whole = 0, sum(max(1, round(starts * share)) * steps for share, steps in ROUNDS)
 
-    def count(step: Step) -> None:
+    def count(level: float) -> None:
         nonlocal done
         done += 1
-        tell(f"worst damping {step.level:.4f}", min(done / whole, 1.0))
+        tell(f"worst damping {level:.4f}", min(done / whole, 1.0))
 
     searches = [Search(problem, p, count) for p in parts.starts(problem, starts, seed)]
     with ThreadPoolExecutor(workers) as pool:
-        for k, (share, steps) in enumerate(_rounds()):
+        for k, (share, steps) in enumerate(ROUNDS):
             searches = searches[: max(1, round(starts * share))]
             list(pool.map(lambda one, n=steps, deep=k > 0: one.run(n, goal, deep), searches))
             searches.sort(key=lambda one: -min(one.best[1].value, goal))
@@ -186,10 +184,5 @@ def _searched(
     if asked.damping is None or not best.best[1].reaches(goal):
         return best
     lower = parts.problem(asked, asked.damping + MORE)
-    lowered = Search(lower, best.best[0].p, count).run(sum(ROUNDS))
+    lowered = Search(lower, best.best[0].p, count).run(sum(steps for _, steps in ROUNDS))
     return lowered if lowered.best[1].missed >= -MORE else best
-
-
-def _rounds() -> Iterator[tuple[float, int]]:
-    """Share of the starts and steps of each round."""
-    return zip((*GO_ON, *(0.0 for _ in ROUNDS[len(GO_ON) :])), ROUNDS, strict=True)
