@@ -1,6 +1,6 @@
-"""Modes without and with stabilizers designed for 10 % damping."""
+"""Modes without and with stabilizers tuned together."""
 
 import stabctl as st
 
 base = st.load("two_area_thyristor").initialize()
-st.design.pss(base, damping=0.1).plot()
+st.design.pss(base).plot()

@@ -37,7 +37,7 @@ COMMANDS: dict[str, str | click.Command] = {
             "optimum": "design_optimum.optimum",
             "law": "design_law.law",
             "tune": "design_tune.tune",
-            "pss": "design.pss",
+            "pss": "design_tune.pss",
             "pod": "design.pod",
             "lqr": "design.lqr",
             "lqg": "design.lqg",

@@ -1,4 +1,4 @@
-"""stabctl design pss, pod, lqr, lqg: stabilizers, oscillation dampers, regulators."""
+"""stabctl design pod, lqr, lqg: oscillation dampers, regulators."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -8,7 +8,7 @@ from . import groups, options, shared
 from .parameters import Option
 
 if TYPE_CHECKING:
-    from stabctl.design import Design, Outages, Pairs
+    from stabctl.design import Design, Pairs
 
 
 SHOWN = 8  # modes in the table without and with the controllers: those with the least damping
@@ -51,45 +51,6 @@ class Files(NamedTuple):
         """Write them, and return their paths."""
         written = found.save(self.out) if self.out else ()
         return (*written, found.report(self.report, self.fault or ())) if self.report else written
-
-
-Machine = Annotated[list[int] | None, Option("--machine", help="Machine that gets a stabilizer. Repeatable.")]
-MaxGain = Annotated[
-    float,
-    Option("--max-gain", help="Largest gain of a stabilizer at any frequency, pu of voltage per pu of speed."),
-]
-NoiseFilter = Annotated[
-    str,
-    Option(
-        "--noise-filter",
-        metavar="TIME",
-        parser=options.in_unit("s"),
-        help="Time constant of the lag that filters the speed, s; 0: none.",
-    ),
-]
-OutagesOption = Annotated[bool, Option("--n-1", help="Also design for the outage of each branch.")]
-
-
-def pss(
-    *,
-    machine: Machine = None,
-    damping: Damping = 0.1,
-    max_gain: MaxGain = 200.0,
-    noise_filter: NoiseFilter = "20ms",
-    outages: OutagesOption = False,
-    files: Files,
-    storage: groups.StorageOptions,
-    case: groups.CaseOptions,
-    as_json: options.Json = False,
-) -> None:
-    """Design power system stabilizers by phase compensation, in place of those of the case."""
-    from stabctl import design
-
-    files.check()
-    point = storage.initialize(case.load())
-    points = design.outages(point) if outages else point
-    found = design.pss(points, machine or None, damping=damping, max_gain=max_gain, noise_filter=float(noise_filter))
-    show(found, files, as_json, points if isinstance(points, design.Outages) else None)
 
 
 Input = Annotated[
@@ -249,7 +210,7 @@ def lqg(
     show(found, files, as_json)
 
 
-def show(found: "Design", files: Files, as_json: bool, points: "Outages | None" = None) -> None:
+def show(found: "Design", files: Files, as_json: bool) -> None:
     """Write the files, and print the modes before and after."""
     written = files.write(found)
     if as_json:
@@ -260,15 +221,12 @@ def show(found: "Design", files: Files, as_json: bool, points: "Outages | None" 
             {
                 "worst_damping_before": found.worst_before,
                 "worst_damping_after": found.worst_after,
-                "worst_damping_replaced": found.worst_replaced,
                 "mode_hz": float(worst.frequency_hz[least(worst)[1]]),
                 "reached": found.reached,
                 "remarks": list(found.remarks),
                 "controllers": [c.name for c in found.controllers],
                 "largest_gains": found.largest_gains,
                 "files": [str(path) for path in written],
-                "operating_points": len(found.before),
-                "left_out": dict(points.left_out) if points else {},
                 **_margins(found),
             }
         )
@@ -277,23 +235,14 @@ def show(found: "Design", files: Files, as_json: bool, points: "Outages | None" 
 
     from stabctl._util.wording import counted
 
-    out_console, left = shared.console(), 0
-    if len(found.before) > 1:
-        table = Table("operating point", "without", "with", "Hz", "mode")
-        for point, before, after, hz, mode in found.worst.to_numpy().tolist():
-            table.add_row(point, f"{before:.4f}", f"{after:.4f}", f"{hz:.4f}", mode)
-    else:
-        table = Table("controllers", "Hz", "damping ratio", "mode")
-        modes = found.df
-        few = modes.groupby("controllers")["damping_ratio"].rank(method="first") <= SHOWN
-        left = int((~few).sum())
-        for what, _, hz, ratio, mode in modes[few].to_numpy().tolist():
-            table.add_row(what, f"{hz:.4f}", f"{ratio:.4f}", mode)
+    out_console, table, modes = shared.console(), Table("controllers", "Hz", "damping ratio", "mode"), found.df
+    few = modes.groupby("controllers")["damping_ratio"].rank(method="first") <= SHOWN
+    left = int((~few).sum())
+    for what, _, hz, ratio, mode in modes[few].to_numpy().tolist():
+        table.add_row(what, f"{hz:.4f}", f"{ratio:.4f}", mode)
     out_console.print(table)
     if left:
         out_console.print(f"{counted(left, 'mode')} with more damping left out; --report shows all.")
-    if points:
-        out_console.print(str(points))
     out_console.print(str(found))
     for path in written:
         out_console.print(f"written: {path}")

@@ -1,5 +1,6 @@
-"""stabctl design tune: all stabilizers, dampers and parameters at once, over every network."""
+"""stabctl design tune, pss: stabilizers, dampers and parameters at once, over every network."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
@@ -21,6 +22,15 @@ Model = Annotated[
 Stages = Annotated[int, Option("--stages", min=0, max=5, help="Lead-lag stages of a stabilizer.")]
 Gain = Annotated[float, Option("--gain", help="Largest gain K of a stabilizer, pu of voltage per pu of speed.")]
 Fast = Annotated[float, Option("--fast", help="Largest gain of a stabilizer at high frequencies, K T1/T2 T3/T4, pu.")]
+NoiseFilter = Annotated[
+    str,
+    Option(
+        "--noise-filter",
+        metavar="TIME",
+        parser=options.in_unit("s"),
+        help="Time constant of the lag that filters the speed, s; 0: none.",
+    ),
+]
 Damper = Annotated[
     list[str] | None,
     Option(
@@ -130,11 +140,50 @@ def tune(
             workers=workers,
             progress=lambda text, done: tell(done, text),
         )
-    written = [str(path) for path in files.write(found)]
-    if dyr_out:
-        written.append(str(found.save_dyr(dyr_out)))
+    written = files.write(found)
+    _show(found, (*written, found.save_dyr(dyr_out)) if dyr_out else written, as_json)
+
+
+def pss(
+    *,
+    machine: Machine = None,
+    damping: Wanted = None,
+    stages: Stages = 2,
+    gain: Gain = 20.0,
+    fast: Fast = 200.0,
+    noise_filter: NoiseFilter = "20ms",
+    outages: OutagesOption = False,
+    sensitivity: Sensitivity = 2.0,
+    starts: Starts = 3,
+    seed: Seed = 0,
+    files: Files,
+    storage: groups.StorageOptions,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
+) -> None:
+    """Tune power system stabilizers together, in place of those of the case."""
+    from stabctl import design
+
+    files.check()
+    point = storage.initialize(case.load())
+    found = design.pss(
+        design.outages(point) if outages else point,
+        machine or None,
+        damping=damping,
+        stages=stages,
+        gain=gain,
+        fast=fast,
+        noise_filter=float(noise_filter),
+        sensitivity=sensitivity or None,
+        starts=starts,
+        seed=seed,
+    )
+    _show(found, files.write(found), as_json)
+
+
+def _show(found: "Tuned", written: Sequence[Path], as_json: bool) -> None:
     if as_json:
-        shared.print_json({**found.summary, "files": written})
+        shared.print_json({**found.summary, "files": [str(path) for path in written]})
     else:
         _print(found, written)
 
@@ -152,7 +201,7 @@ def _numbers(name: str, text: str) -> list[float]:
         raise StudyError(f"{name} {text!r}: {error}") from None
 
 
-def _print(found: "Tuned", written: list[str]) -> None:
+def _print(found: "Tuned", written: Sequence[Path]) -> None:
     from rich.table import Table
 
     out = shared.console()

@@ -1,4 +1,4 @@
-"""Phase compensation: the residue method, lead-lag stages fitted to a band, and chains of equal lags.
+"""Phase compensation: the residue method, and chains of equal lags.
 
 The residue method damps one mode. A feedback u = k H(s) y moves an eigenvalue by k H(s) R for small k, R the residue of
 the transfer function from u to y. The compensator H turns H(s) exp(-s delay) R into the negative real axis, so that the
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
 
 MOST = np.deg2rad(60)  # phase of one stage
-SHORTEST, LONGEST = 0.01, 10.0  # s   time constants of a fitted stage
 UNSEEN = 1e-9  # residue of a mode that a feedback cannot move
 ASIDE = 0.2  # of the frequency given, within which a mode is taken for the one that is meant
 
@@ -106,41 +105,6 @@ def compensator(phase: float, w: float, washout: float, filter_s: float = 0.0) -
         for _ in range(stages):
             whole = whole * (1 + T * s) / (1 + a * T * s)
     return whole / abs(complex(whole(1j * w)))
-
-
-def fitted(hz: np.ndarray, phase: np.ndarray, washout: float, filter_s: float = 0.0) -> "control.TransferFunction":
-    """Washout, filter and equal lead-lag stages whose phase is as near as possible to a phase over a band.
-
-    The stages and the filter have gain 1 at rest.
-
-    Parameters
-    ----------
-    hz
-        Frequencies, Hz.
-    phase
-        Phase wanted at each, rad.
-    washout
-        Time constant of the washout, s.
-    filter_s
-        Time constant of the noise filter 1/(1+sTf), s, whose lag is compensated too; 0: none.
-    """
-    import control
-    from scipy.optimize import least_squares
-
-    w = 2 * np.pi * hz
-    left = phase - np.angle(1j * w * washout / (1 + 1j * w * washout)) + np.arctan(w * filter_s)
-    stages = max(1, int(np.ceil(np.abs(left).max() / MOST - 1e-9)))
-
-    def miss(logs: np.ndarray) -> np.ndarray:
-        T1, T2 = np.exp(logs)
-        return stages * (np.arctan(w * T1) - np.arctan(w * T2)) - left
-
-    T1, T2 = np.exp(least_squares(miss, np.log([0.2, 0.05]), bounds=(np.log(SHORTEST), np.log(LONGEST))).x)
-    s = control.tf("s")
-    whole = washout * s / (1 + washout * s) / (1 + filter_s * s)
-    for _ in range(stages):
-        whole = whole * (1 + T1 * s) / (1 + T2 * s)
-    return whole
 
 
 def lag_chain_damper(

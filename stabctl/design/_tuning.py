@@ -1,4 +1,4 @@
-"""Tuning of gains for the worst of several closed loops: one common gain, or each by linear programs.
+"""Tuning of the gains of a damper for the worst of several closed loops: one, or several by linear programs.
 
 Every operating point is linearized once; only the gains of its closed loop change.
 """
@@ -116,9 +116,6 @@ def separate(
     make: Make,
     x: np.ndarray,
     scale: np.ndarray,
-    *,
-    most: float | np.ndarray = np.inf,
-    positive: bool = False,
 ) -> tuple[np.ndarray, float]:
     """Gains, each its own, with which nothing is missing, and the largest relative to its scale is small.
 
@@ -135,10 +132,6 @@ def separate(
         Gains to begin with.
     scale
         Size (gains) of a gain that matters.
-    most
-        Largest size of every gain.
-    positive
-        Whether gains must not change sign.
 
     Returns
     -------
@@ -158,9 +151,7 @@ def separate(
         rows = [one.rows(make, x, scale, below) for one in active[:20]]
         has, slopes = np.concatenate([r[0] for r in rows]), np.concatenate([r[1] for r in rows]) * scale
         while change > SMALLEST:
-            low, high = (0.0 if positive else -most) - x, most - x
-            bounds = np.clip(np.array([low, high]) / scale, -change, change).T
-            new = x + scale * _step(has, slopes, x / scale, bounds, spare >= 0)
+            new = x + scale * _step(has, slopes, x / scale, change, spare >= 0)
             found = [one.spare(make, new) for one in scenarios]
             if merit(min(found), new) > merit(spare, x):
                 break
@@ -175,9 +166,10 @@ def separate(
     return x, spare
 
 
-def _step(has: np.ndarray, slopes: np.ndarray, x: np.ndarray, bounds: np.ndarray, enough: bool) -> np.ndarray:
-    """Change of the gains, all relative to their scale, by a linear program in [change, level]."""
+def _step(has: np.ndarray, slopes: np.ndarray, x: np.ndarray, most: float, enough: bool) -> np.ndarray:
+    """Change of the gains, each by `most` at most, all relative to their scale, by a linear program [change, level]."""
     n = len(x)
+    bounds = [(-most, most)] * n
     if enough:  # the least level >= |x + change|, with the modes kept
         one = np.eye(n)
         A = np.block([[-slopes, np.zeros((len(has), 1))], [one, -np.ones((n, 1))], [-one, -np.ones((n, 1))]])

@@ -175,7 +175,7 @@ class Design:
         several = f" at {len(self.before)} operating points" if len(self.before) > 1 else ""
         text = f"{counted(len(self.controllers), 'controller')}: smallest damping ratio of {SLOW:g} to {FAST:g} Hz"
         found = f"{self.worst_before:.4f} without, {self.worst_after:.4f} with{several}"
-        if self.reached:
+        if not self.short:
             return "\n".join([f"{text}: {found}.", *self.remarks])
         modes = min(self.after, key=lambda m: least(m)[0])
         ratio, k = least(modes)

@@ -215,7 +215,7 @@ def test_a_level_that_was_not_tuned_for_is_checked(cases):
 def test_a_clearing_time_that_falls_is_named(cases, tuned):
     worse = [replace(c, after=c.before, before=c.after) for c in tuned.checks]
     assert len(shorter(worse)) == 3
-    text = str(replace(tuned, remarks=tuple(replace(tuned, checks=tuple(worse))._remarks(0.0))))
+    text = str(replace(tuned, remarks=tuple(replace(tuned, checks=tuple(worse))._remarks())))
     assert text.count("A clearing time falls by more than 1/8 cycle") == 3
 
 
@@ -225,11 +225,23 @@ def test_threads_change_nothing(cases, tuned):
 
 
 def test_once_the_damping_is_reached_the_gains_are_lowered(cases, tuned):
-    """15 % is reached with less than half of the gains at high frequencies (a fifth)."""
+    """15 % with gains x 0.7, too, needs 62 % of the gains, K and at high frequencies; no damping is left over."""
     few = tune(cases("two_area_thyristor"), stabilizers(gain=10, fast=120), damping=0.15, levels=(0.9, 1.0), starts=1)
     assert few.reached
-    assert 0.15 <= few.damping < 0.2
-    assert np.mean([np.log(g) for *_, g in few.gains]) < np.mean([np.log(g) for *_, g in tuned.gains]) - np.log(2)
+    assert few.lowered
+    assert 0.15 <= min(few.damping, few.holds["damping_ratio"][0], few.holds["damping_ratio"][1]) < 0.152
+
+    def largest(found):
+        K = found.parameters.query("parameter == 'K'")
+        return max((K["value"] / K["high"]).max(), *(own / most for _, most, own in found.gains))
+
+    assert largest(few) < 0.7 * largest(tuned)
+
+
+def test_limits_that_all_networks_miss_leave_the_damping_in_the_working_set(cases):
+    """A floor that no gains reach at first, in more scenarios than a working set holds."""
+    found = tune(cases("ieee39"), stabilizers([1, 2]), levels=(1.0,), doubled=0.3, starts=1, checks=0, check_levels=())
+    assert not found.reached or found.doubled.damping > 0.299
 
 
 def test_a_packaged_stabilizer_is_written_back(cases, tmp_path):

@@ -14,7 +14,7 @@ from stabctl.model import naming, tables
 from stabctl.model.case import Case
 
 from . import blocks
-from .blocks import MODELS, Chain, Integral, LeadLag, ModelBlock, Notch, Range, Variable, Washout, checked_range
+from .blocks import MODELS, Chain, Integral, Lag, LeadLag, ModelBlock, Notch, Range, Variable, Washout, checked_range
 from .case_values import Device
 
 SMALLEST = 1e-3  # of the largest gain
@@ -140,6 +140,7 @@ class Stabilizers(Device):
     fast: float
     shape: Stages
     limits: tuple[float, float]
+    noise_filter: float
 
     def prepared(self, case: Case) -> Case:
         """The case without the stabilizers that its machines have."""
@@ -151,7 +152,8 @@ class Stabilizers(Device):
 
     def _at(self, case: Case, n: int) -> Tunable:
         if self.model is None:
-            structure: Any = self.shape.chain(self.gain)
+            filters = (Lag(self.noise_filter),) if self.noise_filter else ()
+            structure: Any = self.shape.chain(self.gain, *filters)
             return Tunable(structure, (f"speed:{n}",), f"vs:{n}", self.fast, limits=self.limits)
         given = self._given(case, n)
         gain = MODELS[self.model].gain
@@ -190,6 +192,7 @@ def stabilizers(
     washout: Range = (1.0, 20.0),
     lead: Range = (0.02, 1.0),
     lag: Range = (0.02, 0.5),
+    noise_filter: str | float = 0.0,
     limits: tuple[float, float] | float = 0.1,
 ) -> Stabilizers:
     r"""Stabilizers to be tuned, in place of those of the case.
@@ -213,6 +216,8 @@ def stabilizers(
         Largest gain at high frequencies, K T1/T2 T3/T4 ...
     washout, lead, lag : pair of float, s
         Bounds of Tw, of the leads, and of the lags.
+    noise_filter : str or float, s
+        Time constant of a lag 1/(1+sTf) of the speed, which is not tuned; 0: none. A model has its own.
     limits : pair of float, pu
         Limits of the output.
 
@@ -238,8 +243,10 @@ def stabilizers(
     numbers = tuple(machines) if isinstance(machines, Iterable) and not isinstance(machines, str) else machines
     shape = Stages(stages, washout, lead, lag)
     fast = abs(checked_gain("fast", fast))
-    low_high = checked_limits("stabilizers", limits)
-    return Stabilizers(numbers, model, checked_gain("gain", gain), fast, shape, low_high)
+    low_high, filter_s = checked_limits("stabilizers", limits), duration("noise_filter", noise_filter)
+    if model is not None and filter_s:
+        raise StudyError(f"{devices.every()[model].name} has its own filters; leave out noise_filter.")
+    return Stabilizers(numbers, model, checked_gain("gain", gain), fast, shape, low_high, filter_s)
 
 
 # Other controllers.

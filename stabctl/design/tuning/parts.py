@@ -18,9 +18,9 @@ from .plants import STABLE, Plant, plant
 from .problem import Peak, Problem, Scenario
 
 UNMOVED = 1e-9  # of an unstable mode: how far it is seen and moved, below which nothing stabilizes it
+MORE = 5e-4  # damping ratio beyond what is asked
 JITTER = 0.05  # of the first start: equal stages are a saddle
 INSIDE = 1e-3  # how much tighter limits are in the search than asked, relative, so that they are kept
-LOWER = 0.1  # weight of the mean logarithm of the gains, against damping ratios
 
 
 @dataclass(frozen=True)
@@ -109,8 +109,9 @@ class Parts:
         plants, owner = tuple(self.plants[k] for k in kept), tuple(self.owner[k] for k in kept)
         return replace(self, plants=plants, owner=owner), out
 
-    def problem(self, asked: Asked, lower: float | None = None) -> Problem:
-        """What is asked of the plants; with `lower`, the gains are lowered where all have this damping ratio."""
+    def problem(self, asked: Asked, *, lowered: bool = False) -> Problem:
+        """What is asked of the plants; with `lowered`, the damping is a limit, and the gains are lowered."""
+        lower = asked.damping + MORE if lowered and asked.damping is not None else None
         n = len(self.tunables)
         one = np.ones(n)
         factors = [(one, "")] + [(k * one, f" with gains x {k:g}") for k in asked.gains]
@@ -125,11 +126,8 @@ class Parts:
         low, high = (np.log([getattr(v, end) for v in self.variables]) for end in ("low", "high"))
         bounded = [i for i, t in enumerate(self.tunables) if np.isfinite(t.fast)]
         G, g = np.zeros((len(bounded), len(low))), np.log([self.tunables[i].fast for i in bounded])
-        cost = np.zeros(len(low))
         for row, i in enumerate(bounded):
             G[row, self.laws.at[i] : self.laws.at[i + 1]] = self.tunables[i].structure.fast
-        for i, t in enumerate(self.tunables):
-            cost[self.laws.at[i] : self.laws.at[i + 1]] = LOWER / n * t.structure.fast
         for row, i in enumerate(bounded):
             least = G[row] @ np.where(G[row] > 0, low, high)
             if least > g[row]:
@@ -138,7 +136,10 @@ class Parts:
                     f"bounds, above fast = {self.tunables[i].fast:g}; give a larger one, or other bounds."
                 )
         peaks = [one._replace(bound=one.bound * (1 - INSIDE)) for one in asked.peaks if n]
-        return Problem(self.laws, self.plants, scenarios, low, high, G, g, peaks, None if lower is None else cost)
+        K = self.laws.at[:-1]
+        shares = None if lower is None else (np.vstack([np.eye(len(low))[K], G]), np.r_[high[K], g])
+        goal = np.inf if asked.damping is None or lower is not None else asked.damping + MORE
+        return Problem(self.laws, self.plants, scenarios, low, high, G, g, peaks, shares, goal)
 
     def starts(self, problem: Problem, number: int, seed: int) -> Iterator[np.ndarray]:
         """The first start is plain, the others are random; all within the bounds."""

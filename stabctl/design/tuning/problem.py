@@ -29,7 +29,8 @@ LOWEST, HIGHEST, FREQUENCIES = 0.02, 30.0, 80  # Hz   of sensitivities
 ROUNDS = 4  # of refinement of a peak, each to a quarter of the distance between frequencies
 NEAR = 0.75  # of the bound, from which a peak is a row
 PENALTY = 3.0  # of limits that are missed
-SLACK = 1e-6  # of limits
+LOWER = 0.02  # of the logarithm of a gain that is lowered: one that the penalty of limits outweighs
+SLACK = 1e-4  # of limits, less than by what they are tighter in the search
 FEW = 8  # modes, up to which inverse iteration takes less time than all vectors
 UNSTABLE = -0.5  # what an unstable plant counts as in the limits of sensitivity
 
@@ -64,7 +65,10 @@ class Peak(NamedTuple):
 
 
 class Active(NamedTuple):
-    """Where a row comes from: a scenario and its eigenvalue, or a plant, an input and the frequency of a peak."""
+    """Where a row comes from: a scenario and its eigenvalue, a plant, an input and the frequency of a peak, or a gain.
+
+    The row of a gain that is lowered has no key: it is linear.
+    """
 
     name: str
     at: complex
@@ -96,6 +100,10 @@ class Merit(NamedTuple):
     def value(self) -> float:
         """What a search raises."""
         return self.level + PENALTY * self.missed
+
+    def missing(self, margin: float) -> "Merit":
+        """The merit with a limit more, and what it has beyond that."""
+        return Merit(self.level, min(self.missed, margin))
 
     def reaches(self, goal: float) -> bool:
         """Whether the goal is reached, and all limits are kept."""
@@ -132,8 +140,11 @@ class Problem:
         Bounds.
     peaks
         Bounds of sensitivity.
-    cost
-        Where every scenario has a floor: what is then lowered, cost . p.
+    shares
+        Where every scenario has a floor: logarithms W p - w (rows) of the gains, relative to their bounds; the largest
+        is then lowered.
+    goal
+        Damping ratio, above which more is worth nothing.
     """
 
     laws: Laws
@@ -144,7 +155,8 @@ class Problem:
     G: np.ndarray
     g: np.ndarray
     peaks: Sequence[Peak] = ()
-    cost: np.ndarray | None = None
+    shares: tuple[np.ndarray, np.ndarray] | None = None
+    goal: float = np.inf
 
     def at(self, p: np.ndarray) -> "Trial":
         """All loops at parameters p."""
@@ -185,12 +197,24 @@ class Trial:
         )
 
     def merit(self, which: Sequence[int], watched: Iterable[int], least: float = -np.inf) -> Merit:
-        """The merit over scenarios and the sensitivity of watched plants, which is left out if it is below anyway."""
-        level, hard = self.levels(which), np.array([self.problem.scenarios[k].floor is not None for k in which], bool)
-        cost = self.problem.cost
-        soft = float(level[~hard].min()) if cost is None else -float(cost @ self.p)
-        found = Merit(soft, float(level[hard].min(initial=0.0)))
-        return found if found.value < least else found._replace(missed=min(found.missed, *map(self.margin, watched), 0))
+        """The merit over scenarios, worst first, and peaks of watched plants; no further once it is below `least`."""
+        found = Merit(float(np.r_[self.spared, self.problem.goal].min()), 0.0)
+        for k in which:
+            one, (level,) = self.problem.scenarios[k], self.levels([k])
+            found = Merit(min(level, found.level), found.missed) if one.floor is None else found.missing(level)
+            if found.value < least:
+                return found
+        for k in watched:
+            found = found.missing(self.margin(k))
+        return found
+
+    @property
+    def spared(self) -> np.ndarray:
+        """LOWER log (bound / gain) of the gains that are lowered; empty if the damping is raised."""
+        if self.problem.shares is None:
+            return np.zeros(0)
+        W, w = self.problem.shares
+        return LOWER * (w - W @ self.p)
 
     def margin(self, k: int) -> float:
         """WEIGHT log (bound / peak) of a plant, at worst over the bounds; inf without bounds."""
@@ -226,6 +250,12 @@ class Trial:
                 rows.where += [Active(one.name, complex(x), (k,)) for x in s[chosen]]
         for k in watched:
             self._peak_rows(k, rows)
+        for k, value in enumerate(self.spared):
+            assert self.problem.shares is not None
+            rows.value.append(float(value))
+            rows.slope.append(-LOWER * self.problem.shares[0][k])
+            rows.hard.append(False)
+            rows.where.append(Active("gain", 0j, ()))
         return rows
 
     def _peak_rows(self, k: int, rows: Rows) -> None:

@@ -53,8 +53,11 @@ class Tuned(Design):
         The case of the first network with what was tuned in it: parameters, and packaged stabilizers.
     left_out
         Networks that were left out, and why.
+    lowered
+        Whether the damping wanted was reached, and the gains were lowered.
     promise
-        Rise of the damping ratio that a linear program still promises for changes of 1 %: 0 at a stationary point.
+        Rise of the damping ratio that a linear program still promises for changes of 1 %: 0 at a stationary point. If
+        the gains were lowered, the same of 0.02 of the logarithm of the largest gain relative to its bound.
     steps
         Steps of the search.
     packaged
@@ -75,6 +78,7 @@ class Tuned(Design):
     gains: tuple[tuple[str, float, float], ...] = ()
     case: Case | None = None
     left_out: tuple[tuple[str, str], ...] = ()
+    lowered: bool = False
     promise: float = 0.0
     steps: int = 0
     packaged: tuple[tuple[str, int], ...] = ()
@@ -101,20 +105,19 @@ class Tuned(Design):
         controllers = [t.controller(v) for t, v in zip(parts.tunables, values, strict=True)]
         points = [one.tuned(parts.of_case, trial.p[split:]) for one in parts.networks]
         one = np.ones(len(controllers))
-        least = worst(trial, one)
-        short = (asked.damping or 0.0) - least.damping
-        short = max(short, -merit.missed) if merit.missed < -KEPT else short
-        design = Design.of(points, controllers, short=short)
+        least, kept = worst(trial, one), merit.missed >= -KEPT
+        design = Design.of(points, controllers, short=(asked.damping or 0.0) - least.damping)
         given = [one.given for one in parts.networks]
         changed = any(a is not b.point for a, b in zip(given, parts.networks, strict=True)) or bool(parts.of_case)
         promise = search.promise()
-        own = {name: getattr(design, name) for name in ("controllers", "before", "after", "reached", "short")}
+        own = {name: getattr(design, name) for name in ("controllers", "before", "after", "short")}
         robust = list(gains_and_outages(parts, trial, asked.gains, seed))
         for other in elsewhere:
             own_trial = other.problem(asked).at(trial.p)
             robust.append((f"{other.networks[0].name} and its outages, not tuned for", worst(own_trial, one)))
         made = cls(
             **own,
+            reached=design.reached and kept,
             robustness=tuple(robust),
             ring_down=ring_down(points[0], controllers) if design.after[0].stable else np.inf,
             checks=clearing(points[0], given[0] if changed else None, controllers, checks),
@@ -130,11 +133,12 @@ class Tuned(Design):
             ),
             case=_case(parts, values, points[0].case),
             left_out=left_out,
+            lowered=trial.problem.shares is not None,
             promise=promise,
             steps=search.steps,
             packaged=tuple((t.structure.model, t.machine) for t in parts.tunables if t.machine is not None),
         )
-        return replace(made, remarks=tuple(made._remarks(merit.missed)))
+        return replace(made, remarks=tuple(made._remarks([] if kept else list(_missed(parts, trial, asked)))))
 
     @property
     def damping(self) -> float:
@@ -228,8 +232,10 @@ class Tuned(Design):
         for c in shorter(self.checks):
             yield f"A clearing time falls by more than 1/8 cycle: {c.label}, {c.change:+g} cycles."
 
-    def _remarks(self, missed: float) -> list[str]:
+    def _remarks(self, missed: Sequence[str] = ()) -> list[str]:
         lines = [f"Worst of all networks, every mode above {LOW:g} Hz: {self.worst_case}."]
+        if self.worst_replaced is not None:
+            lines.append(f"With the parameters and stabilizers that the case has: {self.worst_replaced:.4f}.")
         if self.doubled:
             lines.append(f"With doubled gains: {self.doubled}.")
         if self.sensitivity:
@@ -245,12 +251,12 @@ class Tuned(Design):
                 "largest one allowed."
             )
         lines += self._simulated()
-        if missed < -KEPT:
-            lines.append("Not all limits are kept; ask for less, or give other devices or bounds.")
+        if missed:
+            lines.append(f"Not reached: {' or '.join(missed)}; ask for less, or give other devices or bounds.")
         if self.damping < 0:
             lines.append("Nothing was found that stabilizes every network; leave out the worst, or add devices.")
-        if self.promise > STATIONARY:
-            lines.append("The search ended before nothing more could be gained; more starts may find more damping.")
+        if self.promise > STATIONARY and not self.lowered:
+            lines.append("Other parameters may give more damping: more starts may find them.")
         for why, names in by_reason(self.left_out):
             lines.append(
                 f"Left out because {why}: {', '.join(names)}."
@@ -258,6 +264,17 @@ class Tuned(Design):
                 else f"{counted(len(names), 'network')} left out because {why}."
             )
         return lines
+
+
+def _missed(parts: Parts, trial: Trial, asked: Asked) -> Iterator[str]:
+    """The limits that are not kept."""
+    if asked.doubled is not None and worst(trial, 2 * np.ones(len(parts.tunables))).damping < asked.doubled:
+        yield f"a damping ratio of {asked.doubled:g} with doubled gains"
+    for peak in asked.peaks:
+        found, of = _peak(parts, trial, peak)[0], "of all loops together" if peak.together else "of each loop"
+        if found > peak.bound:
+            what = f"a disk margin of {1 / peak.bound:g}" if peak.shift else f"a sensitivity of {peak.bound:g}"
+            yield f"{what} {of} (found: {1 / found if peak.shift else found:.3g})"
 
 
 def _peak(parts: Parts, trial: Trial, peak: Peak) -> tuple[float, str]:

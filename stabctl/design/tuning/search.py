@@ -27,7 +27,8 @@ STEEPEST = 10.0  # first curvature at most
 RESTARTS, NEARBY = 4, 0.02  # at most, and their distance from the best
 LITTLE = 0.01  # radius of the test of stationarity
 WITHIN = 0.02  # damping ratio above the worst, up to which a scenario is in the working set
-FEWEST, MOST = 8, 14  # scenarios that join at least, and at most
+FEWEST, MOST = 8, 14  # scenarios that join at least, also of those whose damping is raised alone, and at most
+LEAVE = 0.1  # damping ratio above the worst, from which one that joined leaves
 EVERY = 5  # steps between checks of all scenarios
 RISE = 1e-5  # of the merit, by which a step must raise it
 JOIN = 3  # plants at most, whose sensitivity is watched, that join in a check
@@ -58,14 +59,14 @@ class Search:
         self.best = self.now, Merit(-np.inf, 0.0)
         self.deep = False  # whether `best` was looked at in all plants
 
-    def run(self, steps: int, goal: float = np.inf, deep: bool = True) -> "Search":
+    def run(self, steps: int, deep: bool = True) -> "Search":
         """Raise the merit in so many steps more at most, until the goal is reached with all limits.
 
         With `deep`, the sensitivities of all plants are looked at at the end, not only those that are watched.
         """
         if deep and not self.deep:
             self.deep, self.best = True, (self.now, Merit(-np.inf, 0.0))
-        merit, last, since = self.check(deep=False), self.steps + steps, 0
+        merit, last, since, goal = self.check(deep=False), self.steps + steps, 0, self.problem.goal
         while self.steps < last and not merit.reaches(goal) and self.restarts <= RESTARTS:
             rows = self.now.rows(self.which, self.watched, float(np.clip(self.radius / 2, *NEAREST)), MODES)
             while self.radius > SMALLEST:
@@ -110,9 +111,11 @@ class Search:
         least = level[soft].min(initial=np.inf)
         gap = np.where(soft, level - least, level)
         known = level[[k for k in self.which if soft[k]]].min(initial=np.inf) if self.which else least
-        self.joined |= {k for k in every if k not in self.which and gap[k] < (known - least if soft[k] else 0) - RISE}
+        worse = {k for k in every if k not in self.which and gap[k] < (known - least if soft[k] else 0) - RISE}
+        self.joined = {k for k in self.joined | worse if gap[k] < LEAVE}
         near = np.argsort(gap)[: np.clip((gap < WITHIN).sum(), FEWEST, MOST)]
-        self.which = sorted({*near.tolist(), *self.joined})
+        worst = np.argsort(np.where(soft, gap, np.inf))[: min(FEWEST, soft.sum())]
+        self.which = sorted({*near.tolist(), *worst.tolist(), *self.joined}, key=lambda k: (gap[k], k))
         plants = self.plants if deep else self.watched
         margin = {k: now.margin(k) for k in plants}
         over = [k for k in sorted(margin, key=margin.__getitem__) if margin[k] < 0 and k not in self.watched]
@@ -139,10 +142,9 @@ class Search:
             np.minimum(problem.high - p, radius),
             np.minimum(p - problem.low, radius),
             np.zeros(1),
-            np.array([max(level, 0) + 1.0]),
+            np.array([min(max(level, 0) + 1.0, problem.goal)]),
         ]
-        cost = problem.cost
-        q = np.r_[np.zeros(n) if cost is None else cost, -1.0 if cost is None else 0.0, PENALTY]
+        q = np.r_[np.zeros(n), -1.0, PENALTY]
         P = np.zeros((n + 2, n + 2))
         P[:n, :n] = self.H
         x, z = quadratic_program(P, q, np.vstack(A), np.concatenate(b))
@@ -151,7 +153,7 @@ class Search:
 
     def bend(self, rows: Rows, weights: np.ndarray, new: Trial) -> None:
         """Update H by the change of the gradient of the rows that decided (damped BFGS)."""
-        active = np.flatnonzero(weights > DECIDES * weights.max(initial=0.0))
+        active = [i for i, w in enumerate(weights) if w > DECIDES * weights.max() and rows.where[i].key]
         keys = {rows.where[i].key[0] for i in active}
         after = new.rows([k for k in keys if k >= 0], [-1 - k for k in keys if k < 0], np.inf, 3 * MODES)
         d, y = new.p - self.now.p, np.zeros(len(new.p))
@@ -182,8 +184,7 @@ class Search:
         d, _ = self.program(rows, LITTLE, merit.level)
         slope, hard = np.array(rows.slope).reshape(-1, len(d)), np.array(rows.hard, bool)
         value = np.array(rows.value) + slope @ d
-        cost = self.problem.cost
-        level = float(value[~hard].min()) if cost is None else merit.level - float(cost @ d)
+        level = min(float(value[~hard].min()), self.problem.goal)
         return Merit(level, float(value[hard].min(initial=0.0))).value - merit.value
 
 

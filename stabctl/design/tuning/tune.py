@@ -17,11 +17,11 @@ from .devices import stabilizers
 from .networks import networks
 from .parts import Asked, Parts
 from .problem import Peak, Problem
-from .result import Tuned
+from .result import KEPT, Tuned
 from .search import Search
 
 ROUNDS = (1.0, 8), (0.4, 10), (0.2, 12), (0.0, 12)  # share of the starts, at least one, and steps
-MORE = 5e-4  # damping ratio beyond what is asked, while the gains are lowered
+LOWERING = 30  # steps, in which the gains are lowered; once more if limits are missed then
 MOST_STARTS = 100
 
 
@@ -49,7 +49,8 @@ def tune(
     """Tune all parameters of stabilizers, dampers and other controllers at once, over many networks.
 
     The worst damping ratio of all networks is raised: of every mode above 0.1 Hz, those of exciters and controllers
-    included. Once the damping wanted is reached, the gains are lowered. Method: sequential quadratic programs with the
+    included. Once the damping wanted is reached, the gains are lowered, that which takes the largest share of its bound
+    first, of all K and gains at high frequencies. Method: sequential quadratic programs with the
     derivatives of eigenvalues and of peaks of sensitivity, in a trust region, from several starts; every network is
     looked at before the end. Local optima may remain.
 
@@ -164,7 +165,7 @@ def _searched(
 ) -> Search:
     """The best of several starts, of which fewer go on after each round; at the goal, with lower gains."""
     starts, seed, workers = how
-    goal = float("inf") if asked.damping is None else asked.damping + MORE
+    goal = problem.goal
     done, whole = 0, sum(max(1, round(starts * share)) * steps for share, steps in ROUNDS)
 
     def count(level: float) -> None:
@@ -176,13 +177,15 @@ def _searched(
     with ThreadPoolExecutor(workers) as pool:
         for k, (share, steps) in enumerate(ROUNDS):
             searches = searches[: max(1, round(starts * share))]
-            list(pool.map(lambda one, n=steps, deep=k > 0: one.run(n, goal, deep), searches))
-            searches.sort(key=lambda one: -min(one.best[1].value, goal))
+            list(pool.map(lambda one, n=steps, deep=k > 0: one.run(n, deep), searches))
+            searches.sort(key=lambda one: -one.best[1].value)
             if k and searches[0].best[1].reaches(goal):
                 break
     best = searches[0]
-    if asked.damping is None or not best.best[1].reaches(goal):
+    if not parts.tunables or not best.best[1].reaches(goal):
         return best
-    lower = parts.problem(asked, asked.damping + MORE)
-    lowered = Search(lower, best.best[0].p, count).run(sum(steps for _, steps in ROUNDS))
-    return lowered if lowered.best[1].missed >= -MORE else best
+    lowered = Search(parts.problem(asked, lowered=True), best.best[0].p, count)
+    for _ in range(2):
+        if lowered.run(LOWERING).best[1].missed >= -KEPT:
+            return lowered
+    return best
