@@ -19,7 +19,7 @@ from reproduction.study import Kept, Study, Table, Tell, present
 FULL = True
 K = 4.8711  # pu   of phase compensation with 5 % of damping over all outages, and its gains at high frequencies, pu:
 FAST = (436.0, 431.0, 448.9, 603.2, 523.6, 390.6, 546.7, 409.9, 402.4, 644.5)
-CLEARED = 20  # most critical line faults
+CLEARED = 60  # most critical line faults
 HEADS = (
     "stabilizers",
     "worst damping",
@@ -39,7 +39,8 @@ HEADS = (
 TEXT = (
     "ieee39, intact and without each of 35 branches: the worst damping ratio of every mode above 0.1 Hz. The "
     "stabilizers of the case have 0.011. Phase compensation with one gain reaches 0.050 with K = 4.87 and gains at "
-    "high frequencies of 391 to 645. All other columns are of what was not tuned for.",
+    "high frequencies of 391 to 645, which are the bounds of the first row. Clearing times are compared with those of "
+    "the stabilizers of the case, at the 60 most critical line faults. The other columns are not what was tuned for.",
 )
 
 
@@ -60,7 +61,7 @@ def tunings() -> list[tuple[str, Any, dict[str, Any]]]:
         ("the same, robust", st.design.stabilizers(stages=3, gain=20, fast=1000), {"gains": (0.7, 1.3)}),
         (
             "up to 200 at high frequencies, disk margin 0.8",
-            st.design.stabilizers(stages=3, gain=20, fast=200),
+            st.design.stabilizers(stages=3, gain=50, fast=200, washout=(0.1, 20), lead=(0.01, 5), lag=(0.01, 5)),
             {"sensitivity": None, "disk_margin": 0.8},
         ),
     ]

@@ -33,16 +33,16 @@ def errors(poles, wanted):
     return abs(found.imag / wanted.imag - 1), abs(found.real / wanted.real - 1)
 
 
-def modal_pole(base, control, *, bus, mw=1.0, begin=0.6, seconds=5.0):
+def modal_pole(base, *control, bus, mw=1.0, begin=0.6, seconds=5.0):
     """Eigenvalue of the least damped swing mode of a closed loop without sampling, and the same from a simulation.
 
     After a load pulse the modal coordinate w^H x, w the left vector, is exp(s t): also where many modes are near.
     """
-    loop = base.closed_loop(control)
+    loop = base.closed_loop(*control)
     modes = loop.modes()
     k = min(modes.swings(), key=lambda k: modes.damping_ratio[k])
     events = [st.LoadStep(bus, "0.1s", p=mw), st.LoadStep(bus, "0.5s", p=-mw)]
-    run = base.simulate(events, begin + seconds, control=control)
+    run = base.simulate(events, begin + seconds, control=list(control))
     labels = [p.label for p in run.point.layout.states]
     x = run.rows[:, [labels.index(name) for name in loop.states]]
     z = (x - x[0]) @ modes.left[:, k].conj()

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from . import groups, options, shared
 from .design import Files
@@ -109,6 +109,7 @@ def tune(
     checks: Checks = 3,
     starts: Starts = 5,
     seed: Seed = 0,
+    store: options.Store = None,
     workers: options.Workers = None,
     files: Files,
     dyr_out: DyrOut = None,
@@ -137,6 +138,7 @@ def tune(
             checks=checks,
             starts=starts,
             seed=seed,
+            store=store,
             workers=workers,
             progress=lambda text, done: tell(done, text),
         )
@@ -166,18 +168,10 @@ def pss(
 
     files.check()
     point = storage.initialize(case.load())
-    found = design.pss(
-        design.outages(point) if outages else point,
-        machine or None,
-        damping=damping,
-        stages=stages,
-        gain=gain,
-        fast=fast,
-        noise_filter=float(noise_filter),
-        sensitivity=sensitivity or None,
-        starts=starts,
-        seed=seed,
-    )
+    points = design.outages(point) if outages else point
+    shape: dict[str, Any] = {"stages": stages, "gain": gain, "fast": fast, "noise_filter": float(noise_filter)}
+    more: dict[str, Any] = {"sensitivity": sensitivity or None, "starts": starts, "seed": seed}
+    found = design.pss(points, machine or None, damping=damping, **shape, **more)
     _show(found, files.write(found), as_json)
 
 

@@ -122,21 +122,8 @@ def separate(
     Every step is a linear program on the derivatives of the eigenvalues: first it raises the least spare damping, then,
     once nothing is missing, it lowers the largest gain. A step that does not help is repeated with a smaller change.
 
-    Parameters
-    ----------
-    scenarios
-        What is asked where.
-    make
-        The controllers with some gains, in which their outputs are linear.
-    x
-        Gains to begin with.
-    scale
-        Size (gains) of a gain that matters.
-
-    Returns
-    -------
-    tuple of ndarray and float
-        The gains, and the least spare damping.
+    The outputs that `make` gives are linear in the gains x; `scale` is the size of a gain that matters. Returned are the
+    gains, and the least spare damping.
     """
     change = FIRST
 

@@ -17,8 +17,7 @@ from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.model.naming import near
 from stabctl.smallsignal.closed_loop import closed_loop
-
-from ._phase_compensation import UNSEEN, meant
+from stabctl.smallsignal.modes import Modes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,6 +26,8 @@ RANGES = {"order": 1.0, "vs": 0.1, "vref": 0.05, "pref": 0.05}  # what an output
 SIGNALS = "deviation, flow"  # that are ranked by default
 DIGITS = 9  # of a score, so that signals that are the same by symmetry rank equal
 SHOWN = 5  # pairs in the summary
+UNSEEN = 1e-9  # residue of a mode that a feedback cannot move
+ASIDE = 0.2  # of the frequency given, within which a mode is taken for the one that is meant
 
 
 @dataclass(frozen=True, repr=False)
@@ -199,3 +200,17 @@ def _of(given: Mapping[str, float] | None, signal: Signal, otherwise: float) -> 
                 raise StudyError(f"{key} = {shown(value)} is not allowed; give a number of at least 0.")
             return float(value)
     return otherwise
+
+
+def meant(modes: Modes, hz: float | None) -> int:
+    """Index of the electromechanical mode nearest to a frequency, or of the least damped one."""
+    swings = modes.swings()
+    if not swings:
+        raise StudyError(f"{modes.linear.name} has no electromechanical mode to damp.")
+    if hz is None:
+        return min(swings, key=lambda k: modes.damping_ratio[k])
+    k = min(swings, key=lambda k: abs(modes.frequency_hz[k] - hz))
+    if abs(modes.frequency_hz[k] - hz) > ASIDE * hz:
+        known = ", ".join(f"{modes.frequency_hz[k]:.3f}" for k in swings)
+        raise StudyError(f"{modes.linear.name} has no electromechanical mode near {hz:g} Hz; they are at {known} Hz.")
+    return k

@@ -1,18 +1,28 @@
 """Power-oscillation damper: by the residue method, or with the weights of several inputs by linear programs.
 
 A feedback u = k H(s) y moves an eigenvalue by k H(s) R for small k, R the residue of the transfer function from u to y.
-The compensator H turns H(s) exp(-s delay) R into the negative real axis, so that the gain adds damping alone. That
-serves one mode; where one device must damp several, each input has a filter whose weights are tuned for all of them.
+The compensator H turns H(s) exp(-s delay) R into the negative real axis, so that the gain adds damping alone. Source:
+M. Aboul-Ela et al., Damping Controller Design for Power System Oscillations Using Global Signals, IEEE Trans. Power
+Systems 11, 1996.
+
+That serves one mode. Where one device must damp several, each input passes a washout and a chain of equal lags, whose
+weights x are tuned:
+
+    u = sum over inputs i and k = 0 ... order of  x_ik  sTw/(1+sTw)  1/(1+s/w)^k  y_i
+
+The output is linear in the weights, so the derivatives of the eigenvalues are exact. With lags enough, the sum is any
+filter with poles at w: it advances, delays and selects frequencies.
 """
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import hertz, quantity
 from stabctl.controllers.controller import Controller
+from stabctl.controllers.from_control import tustin
 from stabctl.controllers.timing import checked_frames, duration
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, chosen
@@ -20,12 +30,15 @@ from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
 
-from . import _phase_compensation
 from ._tuning import Loop, Make, Scenario, common, separate, worst
 from .outages import Outages
-from .pairs import SIGNALS, pairs
+from .pairs import SIGNALS, UNSEEN, meant, pairs
 from .result import Design, Requirement, operating_points
 
+if TYPE_CHECKING:
+    import control
+
+STAGE = np.deg2rad(60)  # phase of one stage at most
 TAPS, MOST = 3, 8  # lags in the filter of an input: by default at most, and at most
 GAINS = np.geomspace(0.01, 3.0, 40)  # gains that are tried, relative to that which moves the mode by its own size
 STEP = 0.02  # damping ratio that a weight of size 1 gives
@@ -110,14 +123,14 @@ def pod(
     if order is None and len(reads) == 1:
         return _one(
             points,
-            _phase_compensation.residue_damper(points[0], reads[0], output, hz, slow, more),
+            _residue_damper(points[0], reads[0], output, hz, slow, more),
             damping,
             factors,
         )
     corner = 2 * np.pi * _middle(points[0])
     found: Design | None = None
     for n in range(1, TAPS + 1) if order is None else [order]:
-        make, count = _phase_compensation.lag_chain_damper(reads, output, n, corner=corner, washout=slow, **more)
+        make, count = _lag_chain_damper(reads, output, n, corner=corner, washout=slow, **more)
         new = _several(points, make, count, damping, factors)
         found = new if found is None or new.short < found.short else found
         if found.reached:
@@ -132,6 +145,80 @@ def _signals(point: OperatingPoint, input: str | Sequence[str], output: str) -> 
     if not reads or len(drives) != 1:
         raise StudyError(f"A damper has one output; give a single one, such as order:1@5, not {shown(output)}.")
     return tuple(s.name for s in reads)
+
+
+def _residue_damper(
+    point: OperatingPoint, input: str, output: str, hz: float | None, washout: float, more: dict[str, Any]
+) -> tuple[Controller, float, float]:
+    """The compensator of one signal for one input; the gain that counts as 1; frequency (Hz) of the mode."""
+    modes = closed_loop(point, inputs=output, outputs=input).modes()
+    k = meant(modes, hz)
+    residue, s = complex(modes.residues()[k]), complex(modes.eigenvalues[k])
+    if abs(residue) < UNSEEN:
+        raise StudyError(
+            f"The mode at {modes.frequency_hz[k]:.3f} Hz is not seen in {input}, or not moved by {output}; "
+            "choose others."
+        )
+    held = more["delay"] + (0.5 / more["rate"] if more["rate"] else 0.0)
+    H = compensator(np.pi - float(np.angle(residue)) + s.imag * held, s.imag, washout)
+    return Controller.from_control(H, input, output, **more), abs(s) / abs(residue), float(modes.frequency_hz[k])
+
+
+def compensator(phase: float, w: float, washout: float) -> "control.TransferFunction":
+    """Washout and equal lead-lag stages with a phase (rad) and unit magnitude at w (rad/s).
+
+    K(s) = c sTw/(1+sTw) ((1+sT1)/(1+sT2))^n,  T1 = 1/(w sqrt(a)),  T2 = a T1,  a = (1-sin f)/(1+sin f),
+
+    where f is the phase that the washout leaves to each stage. Source: P. Kundur, Power System Stability and
+    Control, 1994, section 12.5; J. Sadikovic, PhD thesis, ETH Zurich, 2006 (residue method).
+    """
+    import control
+
+    s = control.tf("s")
+    fixed = washout * s / (1 + washout * s)
+    left = phase - float(np.angle(fixed(1j * w)))
+    left = (left + np.pi) % (2 * np.pi) - np.pi
+    sign = 1.0
+    if abs(left) > np.pi / 2:  # a change of sign is half a turn
+        sign, left = -1.0, left - np.sign(left) * np.pi
+    stages = int(np.ceil(abs(left) / STAGE - 1e-9))
+    whole = sign * fixed
+    if stages:
+        a = (1 - np.sin(left / stages)) / (1 + np.sin(left / stages))
+        T = 1 / (w * np.sqrt(a))
+        for _ in range(stages):
+            whole = whole * (1 + T * s) / (1 + a * T * s)
+    return whole / abs(complex(whole(1j * w)))
+
+
+def _lag_chain_damper(
+    inputs: tuple[str, ...], output: str, order: int, *, corner: float, washout: float, rate: int | None, **more: Any
+) -> tuple[Callable[[np.ndarray], list[Controller]], int]:
+    """The controller with some weights, and their number; corner frequency of the lags in rad/s, washout in s."""
+    A, B, C, D = _chain(order, corner, washout)
+    each = np.eye(len(inputs))
+    A, B, C, D = (np.kron(each, M) for M in (A, B, C, D))
+    if rate is not None:
+        A, B, C, D = tustin(A, B, C, D, rate)
+
+    def make(x: np.ndarray) -> list[Controller]:
+        return [Controller(inputs, (output,), A, B, x[None] @ C, x[None] @ D, rate=rate, **more)]
+
+    return make, len(C)
+
+
+def _chain(order: int, corner: float, washout: float) -> tuple[np.ndarray, ...]:
+    """States [low-pass of the washout, lags], outputs [washed out, after every lag]."""
+    n = order + 1
+    A, B = np.zeros((n, n)), np.zeros((n, 1))
+    C, D = np.eye(n), np.zeros((n, 1))
+    A[0, 0] = B[0, 0] = 1 / washout
+    A[0, 0], C[0, 0], D[0, 0] = -1 / washout, -1.0, 1.0
+    for k in range(1, n):
+        A[k] = corner * C[k - 1]
+        A[k, k] -= corner
+        B[k] = corner * D[k - 1]
+    return A, B, C, D
 
 
 def _one(
@@ -174,6 +261,6 @@ def _several(
 def _middle(point: OperatingPoint) -> float:
     """Middle (Hz) of the frequencies of the electromechanical modes."""
     modes = closed_loop(point).modes()
-    _phase_compensation.meant(modes, None)
+    meant(modes, None)
     hz = modes.frequency_hz[modes.swings()]
     return float(np.sqrt(hz.min() * hz.max()))

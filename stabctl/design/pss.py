@@ -7,7 +7,7 @@ for PSSs in Multimachine Systems, IEEE Trans. Power Systems 19, 2004 (all rotors
 """
 
 from collections.abc import Iterable, Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -82,26 +82,10 @@ def pss(
     >>> st.design.pss(st.load("two_area_thyristor"), [1, 3], damping=0.1)
     """
     Tw = duration("washout", washout)
-    own = stabilizers(
-        machines,
-        stages=stages,
-        gain=gain,
-        fast=fast,
-        washout=(Tw, Tw),
-        noise_filter=noise_filter,
-        limits=limits,
-    )
-    return tune(
-        base,
-        own,
-        damping=damping,
-        outages="none",
-        levels=(1.0,),
-        gains=(),
-        sensitivity=sensitivity,
-        starts=starts,
-        seed=seed,
-    )
+    shape: dict[str, Any] = {"stages": stages, "gain": gain, "fast": fast, "washout": (Tw, Tw), "limits": limits}
+    own = stabilizers(machines, noise_filter=noise_filter, **shape)
+    more: dict[str, Any] = {"sensitivity": sensitivity, "starts": starts, "seed": seed}
+    return tune(base, own, damping=damping, outages="none", levels=(1.0,), gains=(), **more)
 
 
 def gep(base: "Case | OperatingPoint", machine: int, *, others: Others = "held") -> Model:

@@ -10,7 +10,7 @@ from ringdown import errors, ringdown
 import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.design import gep, lqr, pod, pss
-from stabctl.design._phase_compensation import compensator
+from stabctl.design.pod import compensator
 
 
 @pytest.fixture(scope="module")

@@ -30,7 +30,8 @@ ROUNDS = 4  # of refinement of a peak, each to a quarter of the distance between
 NEAR = 0.75  # of the bound, from which a peak is a row
 PENALTY = 3.0  # of limits that are missed
 LOWER = 0.02  # of the logarithm of a gain that is lowered: one that the penalty of limits outweighs
-SLACK = 1e-4  # of limits, less than by what they are tighter in the search
+KEPT = 2e-4  # of a limit, that the search leaves as a reserve
+SLACK = 1e-4  # of limits in the search
 FEW = 8  # modes, up to which inverse iteration takes less time than all vectors
 UNSTABLE = -0.5  # what an unstable plant counts as in the limits of sensitivity
 

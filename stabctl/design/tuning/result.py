@@ -19,14 +19,13 @@ from ..outages import by_reason
 from ..result import Design
 from .devices import parameters
 from .parts import Asked, Parts
-from .problem import LOW, Peak, Trial, highest
+from .problem import KEPT, LOW, Peak, Trial, highest
 from .robustness import Worst, clearing, gains_and_outages, ring_down, shorter, worst
 from .search import Search
 
 if TYPE_CHECKING:
     import pandas as pd
 
-KEPT = 2e-4  # of a limit, that the search leaves as a reserve
 BINDING = 1e-3  # relative distance from a bound, from which it counts as reached
 STATIONARY = 1e-3  # damping ratio that 1 % of every parameter may still promise at the end
 

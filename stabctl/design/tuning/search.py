@@ -11,6 +11,8 @@ Nonconvex, Nonsmooth Constrained Optimization, SIAM J. Optim. 22, 2012; J. Noced
 2006, section 18.3 (damped BFGS).
 """
 
+import base64
+import json
 from collections.abc import Callable
 
 import numpy as np
@@ -31,7 +33,7 @@ FEWEST, MOST = 8, 14  # scenarios that join at least, also of those whose dampin
 LEAVE = 0.1  # damping ratio above the worst, from which one that joined leaves
 EVERY = 5  # steps between checks of all scenarios
 RISE = 1e-5  # of the merit, by which a step must raise it
-JOIN = 3  # plants at most, whose sensitivity is watched, that join in a check
+JOIN = 8  # plants at most, whose sensitivity is watched, that join in a check
 
 
 class Search:
@@ -43,12 +45,16 @@ class Search:
         The problem.
     p
         Start.
+    curved
+        Whether the curvature H is estimated; without it, H = 0, steps are linear programs.
     tell
         Called after each step with the level.
     """
 
-    def __init__(self, problem: Problem, p: np.ndarray, tell: Callable[[float], None] | None = None) -> None:
-        self.problem, self.tell = problem, tell
+    def __init__(
+        self, problem: Problem, p: np.ndarray, curved: bool = True, tell: Callable[[float], None] | None = None
+    ) -> None:
+        self.problem, self.curved, self.tell = problem, curved, tell
         self.now = problem.at(np.clip(p, problem.low, problem.high))
         self.plants = sorted({one.plant for one in problem.scenarios}) if problem.peaks else []
         self.which: list[int] = []  # scenarios, and plants whose sensitivity is watched, that steps see
@@ -56,17 +62,11 @@ class Search:
         self.watched: list[int] = []
         self.H = np.zeros((len(p),) * 2)
         self.steps, self.restarts, self.radius = 0, 0, FIRST
-        self.best = self.now, Merit(-np.inf, 0.0)
-        self.deep = False  # whether `best` was looked at in all plants
+        self.best = self.now, Merit(-np.inf, 0.0)  # looked at in all plants
 
-    def run(self, steps: int, deep: bool = True) -> "Search":
-        """Raise the merit in so many steps more at most, until the goal is reached with all limits.
-
-        With `deep`, the sensitivities of all plants are looked at at the end, not only those that are watched.
-        """
-        if deep and not self.deep:
-            self.deep, self.best = True, (self.now, Merit(-np.inf, 0.0))
-        merit, last, since, goal = self.check(deep=False), self.steps + steps, 0, self.problem.goal
+    def run(self, steps: int) -> "Search":
+        """Raise the merit in so many steps more at most, until the goal is reached with all limits."""
+        merit, last, since, goal = self.check(deep=not self.steps), self.steps + steps, 0, self.problem.goal
         while self.steps < last and not merit.reaches(goal) and self.restarts <= RESTARTS:
             rows = self.now.rows(self.which, self.watched, float(np.clip(self.radius / 2, *NEAREST)), MODES)
             while self.radius > SMALLEST:
@@ -80,18 +80,39 @@ class Search:
                 self.radius /= 3 if self.radius > BUNDLED else 2
             stuck = self.radius <= SMALLEST
             if not stuck:
-                self.bend(rows, weights, new)
+                if self.curved:
+                    self.bend(rows, weights, new)
                 self.now, merit, self.radius = new, found, min(1.5 * self.radius, LARGEST)
                 self.steps, since = self.steps + 1, since + 1
                 if self.tell:
                     self.tell(merit.level)
             if stuck or since >= EVERY or merit.reaches(goal):
-                before, merit, since = merit, self.check(deep and (stuck or merit.reaches(goal))), 0
+                before, merit, since = merit, self.check(deep=stuck or merit.reaches(goal)), 0
                 if stuck and merit.value > before.value - RISE:
                     merit = self.restart()
                 self.radius = max(self.radius, AGAIN)
-        self.check(deep)
+        self.check(deep=True)
         return self
+
+    @property
+    def state(self) -> str:
+        """All that decides how it goes on."""
+        trial, merit = self.best
+        found = {name: getattr(self, name) for name in ("which", "watched", "steps", "restarts", "radius", "curved")}
+        H = base64.b64encode(self.H.tobytes()).decode()
+        now, best = self.now.p.tolist(), trial.p.tolist()
+        return json.dumps(found | {"joined": sorted(self.joined), "now": now, "best": best, "merit": merit, "H": H})
+
+    @classmethod
+    def resumed(cls, problem: Problem, state: str, tell: Callable[[float], None] | None = None) -> "Search":
+        """The search with a state."""
+        found = json.loads(state)
+        search = cls(problem, np.array(found.pop("now")), found.pop("curved"), tell)
+        search.best = problem.at(np.array(found.pop("best"))), Merit(*found.pop("merit"))
+        search.H = np.frombuffer(base64.b64decode(found.pop("H"))).reshape(search.H.shape)
+        search.joined = set(found.pop("joined"))
+        vars(search).update(found)
+        return search
 
     def restart(self) -> Merit:
         """Begin again near the best, without the curvature: at a kink, steps end before the point is stationary."""
@@ -121,7 +142,7 @@ class Search:
         over = [k for k in sorted(margin, key=margin.__getitem__) if margin[k] < 0 and k not in self.watched]
         self.watched += over[:JOIN]
         merit = now.merit(every, plants)
-        if deep >= self.deep and merit.value >= self.best[1].value:
+        if deep and merit.value >= self.best[1].value:
             self.best = now, merit
         return merit
 

@@ -1,13 +1,14 @@
 """Tuning of every controller at once, over every network that may occur."""
 
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any, Literal
 
 from stabctl._util import process
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import quantity
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.jobs.runner import Runner
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
 
@@ -16,12 +17,10 @@ from .case_values import Device
 from .devices import stabilizers
 from .networks import networks
 from .parts import Asked, Parts
-from .problem import Peak, Problem
-from .result import KEPT, Tuned
-from .search import Search
+from .problem import Peak
+from .result import Tuned
+from .rounds import TUNING, Rounds
 
-ROUNDS = (1.0, 8), (0.4, 10), (0.2, 12), (0.0, 12)  # share of the starts, at least one, and steps
-LOWERING = 30  # steps, in which the gains are lowered; once more if limits are missed then
 MOST_STARTS = 100
 
 
@@ -43,6 +42,7 @@ def tune(
     checks: int = 3,
     starts: int = 5,
     seed: int = 0,
+    store: str | Path | None = None,
     workers: int | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Tuned:
@@ -89,6 +89,8 @@ def tune(
         Starts of the search; the first is plain, the others are random.
     seed : int
         Seed of the starts.
+    store : str or Path, optional
+        Folder in which every round of the search is kept: an interrupted tuning goes on from there.
     workers : int, optional
         Threads; by default one per core. They do not change the result.
     progress : callable, optional
@@ -126,8 +128,8 @@ def tune(
         tell("networks", 0.0)
         every, left_out = networks(bases, given, outages, levels, contingencies)
         parts, unmoved = Parts.of(every, given).movable()
-        problem = parts.problem(asked)
-        best = _searched(problem, parts, asked, (starts, seed, process.used(workers)), tell)
+        with Runner(TUNING, store=store, workers=workers) as runner:
+            best = Rounds(runner, parts, asked, given, tell).best(starts, seed)
         tell("evidence", 1.0)
         other = tuple(level for level in check_levels if level not in levels) if not isinstance(bases, Outages) else ()
         elsewhere = [Parts.of(networks(bases, given, outages, [level], ())[0], given) for level in other]
@@ -158,34 +160,3 @@ def _asked(
         tuple(peaks),
         one_out,
     )
-
-
-def _searched(
-    problem: Problem, parts: Parts, asked: Asked, how: tuple[int, int, int], tell: Callable[[str, float], None]
-) -> Search:
-    """The best of several starts, of which fewer go on after each round; at the goal, with lower gains."""
-    starts, seed, workers = how
-    goal = problem.goal
-    done, whole = 0, sum(max(1, round(starts * share)) * steps for share, steps in ROUNDS)
-
-    def count(level: float) -> None:
-        nonlocal done
-        done += 1
-        tell(f"worst damping {level:.4f}", min(done / whole, 1.0))
-
-    searches = [Search(problem, p, count) for p in parts.starts(problem, starts, seed)]
-    with ThreadPoolExecutor(workers) as pool:
-        for k, (share, steps) in enumerate(ROUNDS):
-            searches = searches[: max(1, round(starts * share))]
-            list(pool.map(lambda one, n=steps, deep=k > 0: one.run(n, deep), searches))
-            searches.sort(key=lambda one: -one.best[1].value)
-            if k and searches[0].best[1].reaches(goal):
-                break
-    best = searches[0]
-    if not parts.tunables or not best.best[1].reaches(goal):
-        return best
-    lowered = Search(parts.problem(asked, lowered=True), best.best[0].p, count)
-    for _ in range(2):
-        if lowered.run(LOWERING).best[1].missed >= -KEPT:
-            return lowered
-    return best
