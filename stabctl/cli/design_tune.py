@@ -156,7 +156,7 @@ def pss(
     noise_filter: NoiseFilter = "20ms",
     outages: OutagesOption = False,
     sensitivity: Sensitivity = 2.0,
-    starts: Starts = 3,
+    starts: Starts = 5,
     seed: Seed = 0,
     files: Files,
     storage: groups.StorageOptions,

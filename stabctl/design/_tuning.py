@@ -122,8 +122,8 @@ def separate(
     Every step is a linear program on the derivatives of the eigenvalues: first it raises the least spare damping, then,
     once nothing is missing, it lowers the largest gain. A step that does not help is repeated with a smaller change.
 
-    The outputs that `make` gives are linear in the gains x; `scale` is the size of a gain that matters. Returned are the
-    gains, and the least spare damping.
+    The outputs that `make` gives are linear in the gains x; `scale` is the size of a gain that matters. Returned are
+    the gains, and the least spare damping.
     """
     change = FIRST
 

@@ -37,7 +37,7 @@ def pss(
     noise_filter: str | float = 0.02,
     limits: tuple[float, float] | float = 0.1,
     sensitivity: float | None = 2.0,
-    starts: int = 3,
+    starts: int = 5,
     seed: int = 0,
 ) -> Tuned:
     """Tune stabilizers from the speed of machines to their exciters, in place of those of the case.

@@ -31,7 +31,7 @@ LITTLE = 0.01  # radius of the test of stationarity
 WITHIN = 0.02  # damping ratio above the worst, up to which a scenario is in the working set
 FEWEST, MOST = 8, 14  # scenarios that join at least, also of those whose damping is raised alone, and at most
 LEAVE = 0.1  # damping ratio above the worst, from which one that joined leaves
-EVERY = 5  # steps between checks of all scenarios
+EVERY, DEEP = 5, 10  # steps between checks of all scenarios, and of the peaks of all plants
 RISE = 1e-5  # of the merit, by which a step must raise it
 JOIN = 8  # plants at most, whose sensitivity is watched, that join in a check
 
@@ -87,7 +87,8 @@ class Search:
                 if self.tell:
                     self.tell(merit.level)
             if stuck or since >= EVERY or merit.reaches(goal):
-                before, merit, since = merit, self.check(deep=stuck or merit.reaches(goal)), 0
+                deep = stuck or merit.reaches(goal) or self.steps % DEEP == 0
+                before, merit, since = merit, self.check(deep), 0
                 if stuck and merit.value > before.value - RISE:
                     merit = self.restart()
                 self.radius = max(self.radius, AGAIN)
