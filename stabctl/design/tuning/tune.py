@@ -86,7 +86,7 @@ def tune(
     checks : int
         Most critical line faults whose clearing times are compared, of a screen of the case as it is; 0: none.
     starts : int
-        Starts of the search; the first is plain, the others are random.
+        Starts of the search, in pairs with and without estimated curvature; the first pair is plain, others are random.
     seed : int
         Seed of the starts.
     store : str or Path, optional
