@@ -11,7 +11,7 @@ from stabctl._util.errors import StudyError
 from stabctl.design import damper, outages, pi, stabilizers, tune, values
 from stabctl.design.tuning.networks import networks
 from stabctl.design.tuning.parts import Asked, Parts
-from stabctl.design.tuning.problem import WEIGHT, Peak, frequencies, spare, summits
+from stabctl.design.tuning.problem import LOWER, WEIGHT, Peak, frequencies, spare, summits
 from stabctl.design.tuning.robustness import shorter
 from stabctl.design.tuning.search import Search
 from stabctl.smallsignal.closed_loop import closed_loop
@@ -75,6 +75,21 @@ def test_every_row_has_the_derivative_that_differences_give(cases, kind):
             assert found == pytest.approx(want, rel=1e-5, abs=1e-5 * max(0.1, np.abs(slope).max())), where
             assert abs(pair[0] - value) < 1e-2
     assert checked > 6 * 6
+
+
+def test_gains_that_are_lowered_are_rows_with_their_derivatives(cases):
+    """K and the gain at high frequencies of every controller, relative to its bound; they are linear in p."""
+    parts, asked = made(cases, "pss")[0], Asked(0.1, (), 0.0, (), False)
+    problem = parts.problem(asked, lowered=True)
+    p = next(parts.starts(problem, 1, 0))
+    rows, d = problem.at(p).rows([], [], 0.2, 8), np.random.default_rng(4).standard_normal(len(p))
+    assert len(rows.value) == 2 * len(parts.tunables)
+    for k, t in enumerate(parts.tunables):
+        v = np.exp(parts.laws.parts(p)[k])
+        wanted = t.structure.variables[0].high / v[0], t.fast / np.exp(t.structure.fast @ np.log(v))
+        assert [rows.value[k], rows.value[k + len(parts.tunables)]] == pytest.approx(LOWER * np.log(wanted))
+    change = problem.at(p + d).spared - problem.at(p).spared
+    assert np.array(rows.slope) @ d == pytest.approx(change)
 
 
 @pytest.mark.parametrize("kind", ["lead-lag", "ieeest", "late", "direct path"])
@@ -276,7 +291,16 @@ def test_once_the_damping_is_reached_the_gains_are_lowered(cases, tuned):
 def test_limits_that_all_networks_miss_leave_the_damping_in_the_working_set(cases):
     """A floor that no gains reach at first, in more scenarios than a working set holds."""
     found = tune(cases("ieee39"), stabilizers([1, 2]), levels=(1.0,), doubled=0.3, starts=1, checks=0, check_levels=())
-    assert not found.reached or found.doubled.damping > 0.299
+    devices = [stabilizers()]
+    parts = Parts.of(networks(cases("ieee39"), devices, "all", (1.0,), ())[0], devices)
+    problem = parts.problem(Asked(None, (), 0.5, (), False))
+    search = Search(problem, next(parts.starts(problem, 1, 0)))
+    search.check(deep=False)
+    floors = [problem.scenarios[k].floor for k in search.which]
+    assert sum(floor is not None for floor in floors) >= 14  # all that a working set holds
+    assert sum(floor is None for floor in floors) >= 8
+    assert found.reached or "Not reached: a damping ratio of 0.3 with doubled gains" in str(found)
+    assert found.reached == (found.doubled.damping >= 0.3 and found.damping >= 0 and found.sensitivity[0] <= 2)
 
 
 def test_a_packaged_stabilizer_is_written_back(cases, tmp_path):

@@ -18,7 +18,7 @@ from .plants import STABLE, Plant, plant
 from .problem import Peak, Problem, Scenario
 
 UNMOVED = 1e-9  # of an unstable mode: how far it is seen and moved, below which nothing stabilizes it
-MORE = 5e-4  # damping ratio beyond what is asked
+MORE = 5e-4  # damping ratio in the search beyond what is asked for, so that it is reached
 JITTER = 0.05  # of the first start: equal stages are a saddle
 INSIDE = 1e-3  # how much tighter limits are in the search than asked, relative, so that they are kept
 

@@ -29,9 +29,9 @@ LOWEST, HIGHEST, FREQUENCIES = 0.02, 30.0, 80  # Hz   of sensitivities
 ROUNDS = 4  # of refinement of a peak, each to a quarter of the distance between frequencies
 NEAR = 0.75  # of the bound, from which a peak is a row
 PENALTY = 3.0  # of limits that are missed
-LOWER = 0.02  # of the logarithm of a gain that is lowered: one that the penalty of limits outweighs
-KEPT = 2e-4  # of a limit, that the search leaves as a reserve
-SLACK = 1e-4  # of limits in the search
+LOWER = 0.02  # weight of the logarithm of a gain that is lowered; so small that limits, with their penalty, weigh more
+KEPT = 2e-4  # by which the limits of the search, which are tighter than those asked for, may be missed at the end
+SLACK = 1e-4  # by which they may be missed where a search ends early
 FEW = 8  # modes, up to which inverse iteration takes less time than all vectors
 UNSTABLE = -0.5  # what an unstable plant counts as in the limits of sensitivity
 
@@ -103,7 +103,7 @@ class Merit(NamedTuple):
         return self.level + PENALTY * self.missed
 
     def missing(self, margin: float) -> "Merit":
-        """The merit with a limit more, and what it has beyond that."""
+        """The merit with one more limit, which is kept by a margin."""
         return Merit(self.level, min(self.missed, margin))
 
     def reaches(self, goal: float) -> bool:
@@ -142,10 +142,10 @@ class Problem:
     peaks
         Bounds of sensitivity.
     shares
-        Where every scenario has a floor: logarithms W p - w (rows) of the gains, relative to their bounds; the largest
-        is then lowered.
+        W and w, if the gains are lowered: W p - w are their logarithms, relative to their bounds, and the largest is
+        lowered. Every scenario has a floor then.
     goal
-        Damping ratio, above which more is worth nothing.
+        Damping ratio that is enough; more does not raise the merit.
     """
 
     laws: Laws
@@ -190,19 +190,17 @@ class Trial:
 
     # Merit.
 
-    def levels(self, which: Iterable[int]) -> np.ndarray:
-        """Least spare damping (scenarios), beyond the floor where there is one."""
-        every = (self.problem.scenarios[k] for k in which)
-        return np.array(
-            [spare(self.loop(one.plant, one.factors).eigenvalues).min() - (one.floor or 0.0) for one in every]
-        )
+    def level(self, k: int) -> float:
+        """Least spare damping of a scenario, beyond the floor if there is one."""
+        one = self.problem.scenarios[k]
+        return float(spare(self.loop(one.plant, one.factors).eigenvalues).min()) - (one.floor or 0.0)
 
     def merit(self, which: Sequence[int], watched: Iterable[int], least: float = -np.inf) -> Merit:
-        """The merit over scenarios, worst first, and peaks of watched plants; no further once it is below `least`."""
+        """The merit over scenarios, worst first, and peaks of watched plants; incomplete once it is below `least`."""
         found = Merit(float(np.r_[self.spared, self.problem.goal].min()), 0.0)
         for k in which:
-            one, (level,) = self.problem.scenarios[k], self.levels([k])
-            found = Merit(min(level, found.level), found.missed) if one.floor is None else found.missing(level)
+            level, soft = self.level(k), self.problem.scenarios[k].floor is None
+            found = Merit(min(level, found.level), found.missed) if soft else found.missing(level)
             if found.value < least:
                 return found
         for k in watched:
@@ -251,12 +249,12 @@ class Trial:
                 rows.where += [Active(one.name, complex(x), (k,)) for x in s[chosen]]
         for k in watched:
             self._peak_rows(k, rows)
-        for k, value in enumerate(self.spared):
-            assert self.problem.shares is not None
-            rows.value.append(float(value))
-            rows.slope.append(-LOWER * self.problem.shares[0][k])
-            rows.hard.append(False)
-            rows.where.append(Active("gain", 0j, ()))
+        if self.problem.shares is not None:
+            W = self.problem.shares[0]
+            rows.value += self.spared.tolist()
+            rows.slope += list(-LOWER * W)
+            rows.hard += [False] * len(W)
+            rows.where += [Active("gain", 0j, ())] * len(W)
         return rows
 
     def _peak_rows(self, k: int, rows: Rows) -> None:

@@ -56,7 +56,7 @@ class Tuned(Design):
         Whether the damping wanted was reached, and the gains were lowered.
     promise
         Rise of the damping ratio that a linear program still promises for changes of 1 %: 0 at a stationary point. If
-        the gains were lowered, the same of 0.02 of the logarithm of the largest gain relative to its bound.
+        the gains were lowered: fall of the logarithm of the largest one relative to its bound, times 0.02.
     steps
         Steps of the search.
     packaged
@@ -104,7 +104,8 @@ class Tuned(Design):
         controllers = [t.controller(v) for t, v in zip(parts.tunables, values, strict=True)]
         points = [one.tuned(parts.of_case, trial.p[split:]) for one in parts.networks]
         one = np.ones(len(controllers))
-        least, kept = worst(trial, one), merit.missed >= -KEPT
+        least = worst(trial, one)
+        missed = () if merit.missed >= -KEPT else tuple(_missed(parts, trial, asked))
         design = Design.of(points, controllers, short=(asked.damping or 0.0) - least.damping)
         given = [one.given for one in parts.networks]
         changed = any(a is not b.point for a, b in zip(given, parts.networks, strict=True)) or bool(parts.of_case)
@@ -116,7 +117,7 @@ class Tuned(Design):
             robust.append((f"{other.networks[0].name} and its outages, not tuned for", worst(own_trial, one)))
         made = cls(
             **own,
-            reached=design.reached and kept,
+            reached=design.reached and not missed,
             robustness=tuple(robust),
             ring_down=ring_down(points[0], controllers) if design.after[0].stable else np.inf,
             checks=clearing(points[0], given[0] if changed else None, controllers, checks),
@@ -137,7 +138,7 @@ class Tuned(Design):
             steps=search.steps,
             packaged=tuple((t.structure.model, t.machine) for t in parts.tunables if t.machine is not None),
         )
-        return replace(made, remarks=tuple(made._remarks([] if kept else list(_missed(parts, trial, asked)))))
+        return replace(made, remarks=tuple(made._remarks(missed)))
 
     @property
     def damping(self) -> float:
@@ -266,7 +267,7 @@ class Tuned(Design):
 
 
 def _missed(parts: Parts, trial: Trial, asked: Asked) -> Iterator[str]:
-    """The limits that are not kept."""
+    """The limits asked for that are not kept."""
     if asked.doubled is not None and worst(trial, 2 * np.ones(len(parts.tunables))).damping < asked.doubled:
         yield f"a damping ratio of {asked.doubled:g} with doubled gains"
     for peak in asked.peaks:

@@ -37,7 +37,7 @@ class Work(NamedTuple):
 
 
 def run_round(task: Task) -> Found:
-    """Run a round; its row has all that decides the next one."""
+    """Run a round; its row has everything that the next one needs."""
     done = task.shared.search.run(task.shared.steps)
     merit = done.best[1]
     return Found({"level": merit.level, "missed": merit.missed, "state": done.state})

@@ -29,7 +29,7 @@ STEEPEST = 10.0  # first curvature at most
 RESTARTS, NEARBY = 4, 0.02  # at most, and their distance from the best
 LITTLE = 0.01  # radius of the test of stationarity
 WITHIN = 0.02  # damping ratio above the worst, up to which a scenario is in the working set
-FEWEST, MOST = 8, 14  # scenarios that join at least, also of those whose damping is raised alone, and at most
+FEWEST, MOST = 8, 14  # scenarios that join: the worst of all and the worst without a floor, and near ones at most
 LEAVE = 0.1  # damping ratio above the worst, from which one that joined leaves
 EVERY, DEEP = 5, 10  # steps between checks of all scenarios, and of the peaks of all plants
 RISE = 1e-5  # of the merit, by which a step must raise it
@@ -97,7 +97,7 @@ class Search:
 
     @property
     def state(self) -> str:
-        """All that decides how it goes on."""
+        """Everything that the next round needs, as text."""
         trial, merit = self.best
         found = {name: getattr(self, name) for name in ("which", "watched", "steps", "restarts", "radius", "curved")}
         H = base64.b64encode(self.H.tobytes()).decode()
@@ -129,7 +129,8 @@ class Search:
     def check(self, deep: bool) -> Merit:
         """The merit over all scenarios, and if `deep` over all plants; those that decide are the working set."""
         every, now = range(len(self.problem.scenarios)), self.now
-        level, soft = now.levels(every), np.array([one.floor is None for one in self.problem.scenarios])
+        level = np.array([now.level(k) for k in every])
+        soft = np.array([one.floor is None for one in self.problem.scenarios])
         least = level[soft].min(initial=np.inf)
         gap = np.where(soft, level - least, level)
         known = level[[k for k in self.which if soft[k]]].min(initial=np.inf) if self.which else least

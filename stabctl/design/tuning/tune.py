@@ -49,8 +49,8 @@ def tune(
     """Tune all parameters of stabilizers, dampers and other controllers at once, over many networks.
 
     The worst damping ratio of all networks is raised: of every mode above 0.1 Hz, those of exciters and controllers
-    included. Once the damping wanted is reached, the gains are lowered, that which takes the largest share of its bound
-    first, of all K and gains at high frequencies. Method: sequential quadratic programs with the
+    included. Once the damping wanted is reached, the gains are lowered: K and the gain at high frequencies of all
+    controllers, each relative to its bound, of which the largest counts. Method: sequential quadratic programs with the
     derivatives of eigenvalues and of peaks of sensitivity, in a trust region, from several starts; every network is
     looked at before the end. Local optima may remain.
 
