@@ -39,9 +39,8 @@ def evaluate(device, p, x, u, v=(1.0, 0.0)):
     known = {"p": p, "x": device.State(*x), "v": v, "u": SimpleNamespace(**u), **u}
     if device.has("internal"):
         known["i"] = device.evaluate("internal", known)
-    known["y"] = device.evaluate("output", known)
-    rates = device.evaluate("derivatives", known)
-    return np.array(rates), np.array(known["y"])
+    y, rates = device.outputs_and_rates(known)
+    return np.array(rates), np.array(y)
 
 
 def slopes(function, z):

@@ -77,6 +77,7 @@ class Device:
     Internal: Any = _record("quantities that several equations use")
 
     internal: Equation = _equation("x p", "Internal, computed before the voltages are")
+    equations: Equation = _equation("x i u v v1 v2 p", "Output and State: outputs, and derivatives in 1/s")
     output: Equation = _equation("x i u v v1 v2 p", "Output")
     derivatives: Equation = _equation("x i u v v1 v2 y p", "State, the derivatives of the states in 1/s")
     source: Equation = _equation("x i u p", "Norton current of a voltage source, pu on the system base")
@@ -169,6 +170,13 @@ class Device:
         """What an equation gives, reading its arguments from those known by name."""
         return self.call(equation, *(known[name] for name in self.arguments(equation)))
 
+    def outputs_and_rates(self, known: Mapping[str, Any]) -> tuple[Any, Any]:
+        """Output, and State with derivatives in 1/s, for arguments known by name; empty where there are none."""
+        if self.has("equations"):
+            return self.evaluate("equations", known)  # type: ignore[no-any-return]
+        y = self.evaluate("output", known) if self.has("output") else Empty()
+        return y, self.evaluate("derivatives", {**known, "y": y}) if self.has("derivatives") else Empty()
+
     def call(self, equation: str, *arguments: Any) -> Any:
         """What an equation gives for these arguments."""
         return vars(self)[equation](*arguments)
@@ -231,7 +239,14 @@ def mistakes(device: Device) -> Iterator[str]:
 
 def _incomplete(device: Device) -> Iterator[str]:
     """A record without the equation that gives it, or the other way around."""
-    if device.step is None and device.family is None:
+    if device.has("equations"):
+        for name in ("output", "derivatives"):
+            if device.has(name):
+                yield f"it defines equations and also {name}, which equations gives"
+        for record in ("State", "Output"):
+            if vars(device)[record] is Empty:
+                yield f"it defines equations but not {record}"
+    elif device.step is None and device.family is None:
         for record, equation in (("State", "derivatives"), ("Output", "output")):
             if (vars(device)[record] is not Empty) != device.has(equation):
                 there, missing = (equation, record) if device.has(equation) else (record, equation)

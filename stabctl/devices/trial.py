@@ -12,7 +12,14 @@ from stabctl._util.schema import hints
 
 from .device import RECORDS, Device, Empty
 
-_GIVES = {"internal": "Internal", "output": "Output", "derivatives": "State", "source": None, "current": None}
+_GIVES = {  # equation -> the records that it returns
+    "internal": ("Internal",),
+    "equations": ("Output", "State"),
+    "output": ("Output",),
+    "derivatives": ("State",),
+    "source": (),
+    "current": (),
+}
 _NOT_ANALYTIC = {"abs", "min", "max", "sign", "conj", "conjugate", "fabs", "maximum", "minimum", "absolute"}
 
 
@@ -50,9 +57,9 @@ def _fails(device: Device) -> str | None:
         given[name] = made(**{k: _value(f, name) for k, f in hints(made).items()})
     given |= given["u"]._asdict()
     given["i"] = device.Internal(*[0.5 + 0j for _ in device.Internal._fields])
-    for equation, result in _GIVES.items():
+    for equation in _GIVES:
         if device.has(equation) and device.step is None:
-            wrong = _tried(device, equation, given, vars(device)[result] if result else tuple)
+            wrong = _tried(device, equation, given)
             if wrong:
                 return wrong
     return None
@@ -64,7 +71,7 @@ def _value(f: Any, kind: str) -> Any:
     return 1.0 if f is None or f.required else f.default
 
 
-def _tried(device: Device, equation: str, given: dict[str, Any], kind: type[tuple[Any, ...]]) -> str | None:
+def _tried(device: Device, equation: str, given: dict[str, Any]) -> str | None:
     """What is wrong with one equation."""
     try:
         with np.errstate(all="ignore"):
@@ -74,7 +81,10 @@ def _tried(device: Device, equation: str, given: dict[str, Any], kind: type[tupl
         return f"line {lines[-1]}, {equation}: {error}"
     except (ArithmeticError, ValueError):  # the numbers are arbitrary
         return None
-    if not isinstance(result, kind):
-        return f"{equation} returns {type(result).__name__} instead of {kind.__name__}"
-    wrong = [v for v in result if not isinstance(v, numbers.Number)]
+    kinds: list[Any] = [vars(device)[name] for name in _GIVES[equation]] or [tuple]
+    parts = result if len(kinds) > 1 and type(result) is tuple else (result,)
+    if len(parts) != len(kinds) or not all(map(isinstance, parts, kinds)):
+        wanted = ", ".join(kind.__name__ for kind in kinds)
+        return f"{equation} returns {', '.join(type(part).__name__ for part in parts)} instead of {wanted}"
+    wrong = [v for part in parts for v in part if not isinstance(v, numbers.Number)]
     return f"{equation} returns {type(wrong[0]).__name__} instead of a number" if wrong else None

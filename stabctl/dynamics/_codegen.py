@@ -23,7 +23,23 @@ from stabctl._util import jit, object_code
 from stabctl._util.words import Loaded
 from stabctl.devices.device import Device
 
-from .family import BUS, BUS2, CURRENT, INPUTS, LOCAL, OUTPUT, SOURCE, STATE, TINY, UNIT, equations, fused, shape, width
+from .family import (
+    BUS,
+    BUS2,
+    CURRENT,
+    INPUTS,
+    LOCAL,
+    OUTPUT,
+    SOURCE,
+    STATE,
+    TINY,
+    UNIT,
+    both,
+    equations,
+    fused,
+    shape,
+    width,
+)
 
 plain: list[Any] = []  # with NUMBA_DISABLE_JIT=1 an "address" is a row of this list
 _compiled: dict[tuple[Device, type], int | Loaded] = {}
@@ -84,7 +100,7 @@ def write(device: Device, name: str, scalar: type) -> str:
     ops = equations(device)
     if scalar is complex:
         if fused(device):
-            ops = {**ops, OUTPUT: ("output",)}
+            ops = {**ops, OUTPUT: both(device)[:1]}
         ops = {op: ops[op] for op in (CURRENT, OUTPUT) if op in ops}
     for op, names in ops.items():
         text += [f"    if op == {op}:", "        for j in range(n):"]
@@ -104,6 +120,7 @@ def _body(device: Device, op: int, names: tuple[str, ...], anew: bool) -> list[s
     memory = [row, *(f"s[first + {i}] = x.{n}" for i, n in enumerate(device.State._fields))]
     result = {"source": "g", "current": "g", "output": "y", "derivatives": "d", "step": "x, y" if memory[1:] else "y"}
     store = {"source": inject, "current": inject, "output": shown, "derivatives": rates}
+    result["equations"], store["equations"] = "y, d", shown if op == OUTPUT else [*shown, *rates]
     store["step"] = [*(memory if memory[1:] else ()), *shown]
     of_unit = op in (SOURCE, CURRENT) and device.role in ("machine", "converter")
     lines = [f"if on[w[{width(device)} * j + {UNIT}]] < 0:", "    continue"] if of_unit else []
@@ -156,15 +173,16 @@ def _local(device: Device) -> list[str]:
         known.add(a)
     body = ["i = device.internal(x, p)"] if device.internal is not None else []
     known.add("i")
-    both = device.source is not None and device.current is not None
-    for equation, result in (("output", "y"), ("derivatives", "d"), ("source", "g"), ("current", "c" if both else "g")):
+    two = device.source is not None and device.current is not None
+    results = {"equations": "y, d", "output": "y", "derivatives": "d", "source": "g", "current": "c" if two else "g"}
+    for equation, result in results.items():
         if device.has(equation):
             needed = device.arguments(equation)
             body += [line for a in needed if a not in known for line in head[a]]
             known |= set(needed)
             body += [f"{result} = device.{equation}({', '.join(needed)})"]
-    body += ["g = g[0] + c[0], g[1] + c[1]"] if both else []
-    names = [f"d.{n}" for n in device.State._fields] if device.derivatives is not None else ["0j"] * states
+    body += ["g = g[0] + c[0], g[1] + c[1]"] if two else []
+    names = [f"d.{n}" for n in device.State._fields]
     names += [f"y.{n}" for n in device.Output._fields]
     names += [f"g[{i}]" for i in range(2 * buses)] if device.injects else ["0j"] * 2 * buses
     body += [f"f[a + {i}] = {value}" for i, value in enumerate(names)]

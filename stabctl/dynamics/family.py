@@ -48,7 +48,7 @@ def size(f: Family) -> tuple[int, int, int, int]:
 @cache
 def shape(device: Device) -> tuple[int, int, int, int]:
     """Numbers of states, inputs and outputs of a device, and of its buses."""
-    names = {a for equation in ("current", "output", "derivatives") for a in device.arguments(equation)}
+    names = {a for equation in ("current", "equations", "output", "derivatives") for a in device.arguments(equation)}
     buses = 2 if "v2" in names else 1 if device.injects or "v" in names else 0
     states, inputs, outputs = (len(device.fields(record)) for record in ("State", "Input", "Output"))
     return states, inputs, outputs, buses
@@ -68,15 +68,20 @@ def equations(device: Device) -> dict[int, tuple[str, ...]]:
     if device.internal is not None:
         found.setdefault(SOURCE, ())  # computed there once, before the voltages are iterated
     if fused(device):
-        del found[OUTPUT], found[RATES]
-        found[BOTH] = ("output", "derivatives")
+        found.pop(OUTPUT, None), found.pop(RATES, None)
+        found[BOTH] = both(device)
     return found
 
 
 @cache
 def fused(device: Device) -> bool:
     """Whether the output is computed together with the derivatives, because it needs all inputs."""
-    return device.derivatives is not None and "u" in device.arguments("output")
+    return device.has("equations") or (device.has("derivatives") and "u" in device.arguments("output"))
+
+
+def both(device: Device) -> tuple[str, ...]:
+    """Equations that give the outputs and the derivatives of a fused device."""
+    return ("equations",) if device.has("equations") else ("output", "derivatives")
 
 
 def read(f: Family, op: int, rows: Sequence[int]) -> np.ndarray:

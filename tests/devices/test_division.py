@@ -20,9 +20,9 @@ def point(tmp_path):
     def made(divisor):
         text = Path(every()["sexs"].file).read_text("utf-8")
         text = text.replace("from .shared", "from stabctl.devices.exciters.shared").replace('"SEXS"', '"DIVIDES"')
-        text = text.replace("lag_rate(p.TB, error, x.va)", "lag_rate(p.TB, error, x.va) / none")
+        text = text.replace("va=d_va", "va=d_va / none")
         (tmp_path / "divides.py").write_text(
-            text.replace("    return State(", f"    none = {divisor}\n    return State(")
+            text.replace("    return Output(", f"    none = {divisor}\n    return Output(")
         )
         case = st.load("two_area").with_device(st.register(tmp_path / "divides.py"), 2, KA=50.0, TR=0.02, TA=0.05, TB=1)
         return case.initialize()

@@ -1,5 +1,7 @@
 """Mistakes in a user's device file: each is one sentence with the file, before anything is compiled."""
 
+from pathlib import Path
+
 import pytest
 from systems import OWN, registered
 
@@ -8,6 +10,7 @@ from stabctl._util.errors import StudyError
 from stabctl.devices import trial
 
 GOOD = (OWN / "wide_area.py").read_text()
+SEXS = Path(devices.every()["sexs"].file).read_text("utf-8").replace("from .", "from stabctl.devices.exciters.")
 MISTAKES = {
     "no rates": ("def derivatives", "def rates", "it defines State but not derivatives"),
     "no output": ("def output", "def outcome", "it defines Output but not output"),
@@ -83,12 +86,34 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("name", MISTAKES)
+TOGETHER = {  # in SEXS, whose outputs and rates are one function
+    "a second function of the outputs": (
+        "@inline\ndef equations",
+        "@inline\ndef output(x, u, p):\n    return Output(x.efd)\n\n\n@inline\ndef equations",
+        "it defines equations and also output, which equations gives",
+    ),
+    "no states": ("class State(", "class States(", "it defines equations but not State"),
+    "outputs alone": (
+        ", State(vm=d_vm, va=d_va, efd=d_efd)",
+        "",
+        "equations returns Output instead of Output, State",
+    ),
+    "the rates first": (
+        "return Output(clip(efd, p.Efdmin, p.Efdmax)), State(vm=d_vm, va=d_va, efd=d_efd)",
+        "return State(vm=d_vm, va=d_va, efd=d_efd), Output(clip(efd, p.Efdmin, p.Efdmax))",
+        "equations returns State, Output instead of Output, State",
+    ),
+    "a rate that is a pair": ("efd=d_efd", "efd=(d_efd, 0.0)", "equations returns tuple instead of a number"),
+}
+
+
+@pytest.mark.parametrize("name", [*MISTAKES, *TOGETHER])
 def test_a_mistake_in_a_device_is_a_sentence_with_its_file(name, tmp_path):
-    old, new, told = MISTAKES[name]
+    good = GOOD if name in MISTAKES else SEXS
+    old, new, told = (MISTAKES | TOGETHER)[name]
     file = tmp_path / "wrong.py"
-    assert GOOD.count(old) == 1
-    file.write_text(GOOD.replace(old, new))
+    assert good.count(old) == 1
+    file.write_text(good.replace(old, new))
     with registered(), pytest.raises(StudyError) as error:
         devices.register(file)
     assert told in str(error.value)

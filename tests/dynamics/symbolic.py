@@ -71,6 +71,15 @@ def equation(device, name, known):
     return tuple(executed(device.module)[name](*(known[a] for a in device.arguments(name))))
 
 
+def outputs_and_rates(device, known, separate=("output", "derivatives")):
+    """Outputs and rates of a device for the arguments that are `known`; of separate equations only those named."""
+    if device.has("equations"):
+        return equation(device, "equations", known)
+    y = equation(device, "output", known) if "output" in separate else None
+    known = known | ({"y": device.Output(*y)} if y else {})
+    return y or (), equation(device, "derivatives", known) if "derivatives" in separate else None
+
+
 class Symbols:
     """All signals of a system as expressions in its states, voltages and set-points."""
 
@@ -93,7 +102,8 @@ class Symbols:
         """The expression of a signal, through the outputs that it is made from."""
         if place not in self.signals:
             f, j = self.maker[place]
-            y = equation(f.device, "output", self.arguments(f, j, self.signal, "output"))
+            made = "equations" if f.device.has("equations") else "output"
+            y, _ = outputs_and_rates(f.device, self.arguments(f, j, self.signal, made), ("output",))
             self.signals |= {f.w[j, -1] + c: value for c, value in enumerate(y)}
         return self.signals[place]
 
@@ -134,12 +144,10 @@ class Symbols:
     def of_row(self, f, j, signal):
         """Rates, outputs and currents of row j of a family."""
         device = f.device
-        made = [e for e in ("output", "derivatives", "source", "current") if device.has(e)]
+        made = [e for e in ("equations", "output", "derivatives", "source", "current") if device.has(e)]
         known = self.arguments(f, j, signal, *made)
-        y = equation(device, "output", known) or ()
-        if y:
-            known["y"] = device.Output(*y)
-        rates = equation(device, "derivatives", known) or (0,) * len(device.State._fields)
+        y, rates = outputs_and_rates(device, known)
+        rates = rates or (0,) * len(device.State._fields)
         parts = [g for g in (equation(device, name, known) for name in ("source", "current")) if g]
         return rates, y, tuple(map(sum, zip(*parts, strict=True)))
 

@@ -24,9 +24,8 @@ EMPTY = esd.State(0.0, 0.0, 0.0)
 def at_terminals(par, size, order=1.0, angle=0.3, state=EMPTY):
     """Power and current of a device at a voltage of this size and angle."""
     v = size * np.cos(angle), size * np.sin(angle)
-    return esd.output(state, esd.Input(order, 0.0), v, par).P, complex(
-        *esd.current(state, esd.Input(order, 0.0), v, par)
-    )
+    u = esd.Input(order, 0.0)
+    return esd.equations(state, u, v, par)[0].P, complex(*esd.current(state, u, v, par))
 
 
 def absorbed(*terminals, **options):

@@ -270,17 +270,14 @@ class ModelBlock:
     def _whole(self, v: np.ndarray) -> np.ndarray:
         """The same with all states, exact: complex steps of the equations."""
         device = devices.every()[self.model]
-        output, derivatives = device.output, device.derivatives
-        assert output is not None
-        assert derivatives is not None
         wide = {k: np.copysign(WIDE, x) for k, x in self.given.items() if k.lower().endswith(("max", "min"))}
         p = device.Par(**(self.values(v) | wide))
         at_rest, columns = dict.fromkeys(device.Input._fields, 0j), []
         for name in (*(INPUTS[kind] for kind in self.reads), *device.State._fields):
             x, u = dict.fromkeys(device.State._fields, 0j), dict(at_rest)
             (x if name in x else u)[name] += 1j * TINY
-            x_, u_ = device.State(**x), device.Input(**u)
-            found = [*output(x_, u_, p), *derivatives(x_, u_, p)]
+            output, rates = device.outputs_and_rates({"x": device.State(**x), "u": device.Input(**u), "p": p})
+            found = [*output, *rates]
             columns.append([complex(one).imag / TINY for one in found])
         return np.array(columns).T
 

@@ -1,8 +1,8 @@
 """Scalar blocks shared by all devices, and the only place where values are limited.
 
 Each block works for floats and for complex steps: no `abs`, `min`, `sign` or `conj`, and conditions test only the real
-part. A limit is returned as it is, never as `lo + 0*x` (which is nan at x = inf). A block with a state is a pair of
-functions: its output and the derivative of its state, such as `lag` and `lag_rate`.
+part. A limit is returned as it is, never as `lo + 0*x` (which is nan at x = inf). A block with a state returns its
+output and the derivative of its state (1/s), `y, dx = lag(T, u, x)`; the compiler removes what a caller does not use.
 """
 
 from .curves import (
@@ -22,15 +22,12 @@ from .lags import (
     SHORT,
     circuit_rate,
     delay1,
-    delay1_rate,
     delay2,
-    delay2_rates,
     derivative,
     lag,
     lag_rate,
     lead_lag,
     second_order,
-    second_order_rates,
     washout,
 )
 from .limits import (
@@ -38,7 +35,6 @@ from .limits import (
     at_most,
     available,
     beyond,
-    beyond_rate,
     clip,
     deadband,
     growth_limit,
@@ -47,7 +43,6 @@ from .limits import (
     low_value,
     non_windup,
     pi,
-    pi_rate,
     rate_limit,
     two_slopes,
     while_within,
@@ -61,7 +56,6 @@ __all__ = [
     "at_most",
     "available",
     "beyond",
-    "beyond_rate",
     "circuit_rate",
     "clip",
     "compound",
@@ -69,9 +63,7 @@ __all__ = [
     "crowbar",
     "deadband",
     "delay1",
-    "delay1_rate",
     "delay2",
-    "delay2_rates",
     "derivative",
     "field_demand",
     "growth_limit",
@@ -86,7 +78,6 @@ __all__ = [
     "magnitude",
     "non_windup",
     "pi",
-    "pi_rate",
     "polyline",
     "power",
     "quadratic",
@@ -94,7 +85,6 @@ __all__ = [
     "rectified",
     "regulation",
     "second_order",
-    "second_order_rates",
     "shortened",
     "through",
     "two_slopes",

@@ -8,31 +8,39 @@ SHORT = 1e-3  # s   a control time constant below this bypasses its block
 @inline
 def lag(T, u, x):
     """u -> [ 1/(1 + sT) ] -> y, state x; bypassed where T < SHORT."""
-    return x if T >= SHORT else u
+    if T >= SHORT:
+        return x, (u - x) / T
+    return u, 0 * x
 
 
 @inline
 def lead_lag(T1, T2, u, x):
     """u -> [ (1 + s T1)/(1 + s T2) ] -> y, state x (the lagged input); bypassed where T2 < SHORT."""
-    return x + T1 / T2 * (u - x) if T2 >= SHORT else u
+    if T2 >= SHORT:
+        return x + T1 / T2 * (u - x), (u - x) / T2
+    return u, 0 * x
 
 
 @inline
 def washout(T, u, x):
-    """u -> [ sT/(1 + sT) ] -> y, state x (the lagged input, `lag_rate`); bypassed where T < SHORT."""
-    return u - x if T >= SHORT else u
+    """u -> [ sT/(1 + sT) ] -> y, state x (the lagged input); bypassed where T < SHORT."""
+    if T >= SHORT:
+        return u - x, (u - x) / T
+    return u, 0 * x
 
 
 @inline
 def derivative(K, T, u, x):
-    """u -> [ sK/(1 + sT) ] -> y, state x (the lagged input, `lag_rate`); 0 where T < SHORT."""
-    return K / T * (u - x) if T >= SHORT else 0 * u
+    """u -> [ sK/(1 + sT) ] -> y, state x (the lagged input); 0 where T < SHORT."""
+    if T >= SHORT:
+        return K / T * (u - x), (u - x) / T
+    return 0 * u, 0 * x
 
 
 @inline
 def lag_rate(T, u, x):
-    """State derivative (1/s) of `lag`, `washout` and `derivative`, and of `lead_lag` with T = T2; 0 if bypassed."""
-    return (u - x) / T if T >= SHORT else 0 * x
+    """State derivative (1/s) of `lag` alone."""
+    return lag(T, u, x)[1]
 
 
 @inline
@@ -41,13 +49,10 @@ def second_order(N1, N2, D1, D2, u, x, dx):
 
     A notch at w (rad/s) has N2 = D2 = 1/w^2 and N1 < D1. Where D2 < SHORT^2 it is the lead-lag of N1 and D1.
     """
-    return x + N1 * dx + N2 / D2 * (u - x - D1 * dx) if D2 >= SHORT * SHORT else lead_lag(N1, D1, u, x)
-
-
-@inline
-def second_order_rates(D1, D2, u, x, dx):
-    """State derivatives (1/s) of `second_order`."""
-    return (dx, (u - x - D1 * dx) / D2) if D2 >= SHORT * SHORT else (lag_rate(D1, u, x), 0 * dx)
+    if D2 >= SHORT * SHORT:
+        return x + N1 * dx + N2 / D2 * (u - x - D1 * dx), dx, (u - x - D1 * dx) / D2
+    y, rate = lead_lag(N1, D1, u, x)
+    return y, rate, 0 * dx
 
 
 @inline
@@ -68,18 +73,6 @@ def delay1(T, u, x):
 
 
 @inline
-def delay1_rate(T, u, x):
-    """State derivative (1/s) of `delay1`."""
-    return lag_rate(T / 2, u, x)
-
-
-@inline
 def delay2(T, u, x, dx):
     """u -> [ (1 - sT/2 + s^2 T^2/12)/(1 + sT/2 + s^2 T^2/12) ] -> y, states x and dx."""
     return second_order(-T / 2, T * T / 12, T / 2, T * T / 12, u, x, dx)
-
-
-@inline
-def delay2_rates(T, u, x, dx):
-    """State derivatives (1/s) of `delay2`."""
-    return second_order_rates(T / 2, T * T / 12, u, x, dx)

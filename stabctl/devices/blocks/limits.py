@@ -106,32 +106,20 @@ def integral(KI, x):
 
 
 @inline
-def pi(KP, error, x, low, high):
-    """error -> [ KP + KI/s ], limited -> y, state x (the integral)."""
-    return clip(KP * error + x, low, high)
-
-
-@inline
-def pi_rate(KP, KI, error, x, low, high):
-    """State derivative (1/s) of `pi`: the integral stops while the output is at a limit and driven beyond it.
+def pi(KP, KI, error, x, low, high):
+    """error -> [ KP + KI/s ], limited -> y, state x (the integral), which stops while y is driven beyond a limit.
 
     Source: IEEE Std 421.5-2016, annex E, non-windup proportional-integral block.
     """
-    return non_windup(KI * error, KP * error + x, low, high)
+    wanted = KP * error + x
+    return clip(wanted, low, high), non_windup(KI * error, wanted, low, high)
 
 
 @inline
-def beyond(K, excess, x):
-    """PI controller that acts only beyond a limit: excess -> [ K + KI/s ], at least 0 -> y, state x, at least 0."""
-    y = K * excess + x
-    if y.real > 0:
-        return y
-    return 0 * y
+def beyond(KP, KI, excess, x):
+    """PI controller that acts only beyond a limit: excess -> [ KP + KI/s ], at least 0 -> y, state x, at least 0.
 
-
-@inline
-def beyond_rate(KI, excess, x):
-    """State derivative (1/s) of `beyond`: the integral does not fall below 0, which LIMITS of the device repeats."""
-    if x.real > 0 or excess.real > 0:
-        return KI * excess
-    return 0 * x
+    LIMITS of the device repeats that the integral does not fall below 0.
+    """
+    y = KP * excess + x
+    return y if y.real > 0 else 0 * y, KI * excess if x.real > 0 or excess.real > 0 else 0 * x

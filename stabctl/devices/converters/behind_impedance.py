@@ -19,7 +19,7 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import SHORT, at_least, growth_limit, lag, lag_rate, rate_limit
 from stabctl.devices.ports import PORT
 
-from .electrical import root, within
+from .electrical import prioritized
 
 FILTER = Interval(ge=SHORT)
 
@@ -34,17 +34,13 @@ class Input(NamedTuple):
 @inline
 def allowed(ip, iq, p):
     """Active and reactive current (pu) within Imax, one of them first."""
-    if p.PqFlag > 0.5:
-        ip = within(ip, p.Imax)
-        return ip, within(iq, root(p.Imax, ip))
-    iq = within(iq, p.Imax)
-    return within(ip, root(p.Imax, iq)), iq
+    return prioritized(ip, iq, -1.0, p)
 
 
 @inline
 def divisor(x, vt, p):
     """Filtered voltage (pu) by which a power is divided, 1 with RateFlag = 0."""
-    return at_least(lag(p.Tfltr, vt, x.vfilt), 0.01) if p.RateFlag > 0.5 else 1.0
+    return at_least(lag(p.Tfltr, vt, x.vfilt)[0], 0.01) if p.RateFlag > 0.5 else 1.0
 
 
 @inline

@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import clip, lag_rate, lead_lag, magnitude, non_windup
+from stabctl.devices.blocks import clip, lead_lag, magnitude, non_windup
 from stabctl.devices.ports import PORT
 
 NAME = "CSVGN1"
@@ -91,13 +91,10 @@ def output(x, v, p):
 def derivatives(x, u, y, p):
     """State derivatives (1/s); y is this compensator's own output."""
     error = p.K * (y.vt - u.Vref)
-    first = lead_lag(p.T1, p.T3, error, x.x1)
-    order = lead_lag(p.T2, p.T4, first, x.x2)
-    return State(
-        lag_rate(p.T3, error, x.x1),
-        non_windup(lag_rate(p.T4, first, x.x2), order, p.Vmin, p.Vmax),
-        (clip(order, p.Vmin, p.Vmax) - x.y) / p.T5,
-    )
+    first, d_x1 = lead_lag(p.T1, p.T3, error, x.x1)
+    order, d_x2 = lead_lag(p.T2, p.T4, first, x.x2)
+    d_y = (clip(order, p.Vmin, p.Vmax) - x.y) / p.T5
+    return State(x1=d_x1, x2=non_windup(d_x2, order, p.Vmin, p.Vmax), y=d_y)
 
 
 def guess(V: complex, I: complex, p: Par) -> State:

@@ -31,13 +31,12 @@ from stabctl.devices.blocks import (
     lag_rate,
     magnitude,
     pi,
-    pi_rate,
     rate_limit,
     two_slopes,
 )
 from stabctl.devices.ports import PORT, At
 
-from .electrical import FLAG, root, within
+from .electrical import FLAG, prioritized
 
 NAME = "DER_A"
 ROLE = "converter"
@@ -152,46 +151,33 @@ def output(x, v, p):
 
 
 @inline
-def commands(x, u, y, p):
-    """Active and reactive current command (pu)."""
-    vm = lag(p.Trv, y.vt, x.vm)
-    divisor = at_least(vm, 0.01)
-    injected = clip(p.Kqv * deadband((p.Vref0 if p.Vref0 > 0 else p.V0) - vm, p.dbd1, p.dbd2), p.Iqvmin, p.Iqvmax)
-    iq, ip = lag(p.Tiq, reactive(x, u, y, p), x.qv) + injected, x.pord / divisor
-    low = 0.0 if p.GenFlag > 0.5 else -1.0
-    if p.PqFlag > 0.5:
-        ip = at_least(at_most(ip, p.Imax), low * p.Imax)
-        return ip, within(iq, root(p.Imax, ip))
-    iq = within(iq, p.Imax)
-    most = root(p.Imax, iq)
-    return at_least(at_most(ip, most), low * most), iq
-
-
-@inline
-def reactive(x, u, y, p):
-    """Reactive current order before its lag (pu)."""
-    q = u.pfref * lag(p.Tp, u.Pref, x.pf) if p.PfFlag > 0.5 else u.Qref
-    return q / at_least(lag(p.Trv, y.vt, x.vm), 0.01)
-
-
-@inline
 def derivatives(x, u, y, p):
     """State derivatives (1/s); y is its own output."""
-    droop = two_slopes(deadband(1 - lag(p.Trf, u.f, x.ff), p.fdbd1, p.fdbd2), p.Ddn, p.Dup)
-    e = clip(u.Pref - lag(p.Tp, u.Pref, x.pf) + droop, p.femin, p.femax)
-    xp = integral(p.Kig, x.xp)
-    order = pi(p.Kpg, e, xp, p.Pmin, p.Pmax) if p.FreqFlag > 0.5 else u.Pref
+    vm, d_vm = lag(p.Trv, y.vt, x.vm)
+    pf, d_pf = lag(p.Tp, u.Pref, x.pf)
+    divisor = at_least(vm, 0.01)
+
+    ff, d_ff = lag(p.Trf, u.f, x.ff)
+    droop = two_slopes(deadband(1 - ff, p.fdbd1, p.fdbd2), p.Ddn, p.Dup)
+    error = clip(u.Pref - pf + droop, p.femin, p.femax)
+    held, d_xp = pi(p.Kpg, p.Kig, error, integral(p.Kig, x.xp), p.Pmin, p.Pmax)
+    order = held if p.FreqFlag > 0.5 else u.Pref
     on = 1.0 if p.FreqFlag > 0.5 else 0.0
-    ip, iq = commands(x, u, y, p)
+    d_pord = rate_limit(lag_rate(p.Tpord, order, x.pord), p.dPmin, p.dPmax)
+
+    q = u.pfref * pf if p.PfFlag > 0.5 else u.Qref
+    qv, d_qv = lag(p.Tiq, q / divisor, x.qv)
+    injected = clip(p.Kqv * deadband((p.Vref0 if p.Vref0 > 0 else p.V0) - vm, p.dbd1, p.dbd2), p.Iqvmin, p.Iqvmax)
+    ip, iq = prioritized(x.pord / divisor, qv + injected, 0.0 if p.GenFlag > 0.5 else -1.0, p)
     return State(
-        lag_rate(p.Trv, y.vt, x.vm),
-        lag_rate(p.Tp, u.Pref, x.pf),
-        lag_rate(p.Trf, u.f, x.ff),
-        lag_rate(p.Tiq, reactive(x, u, y, p), x.qv),
-        on * (pi_rate(p.Kpg, p.Kig, e, xp, p.Pmin, p.Pmax) if p.running > 0.5 else x.pf - x.xp),
-        rate_limit(lag_rate(p.Tpord, order, x.pord), p.dPmin, p.dPmax),
-        at_most(lag_rate(p.Tg, ip, x.ip), p.rrpwr),
-        lag_rate(p.Tg, iq, x.iq),
+        vm=d_vm,
+        pf=d_pf,
+        ff=d_ff,
+        qv=d_qv,
+        xp=on * (d_xp if p.running > 0.5 else x.pf - x.xp),
+        pord=d_pord,
+        ip=at_most(lag_rate(p.Tg, ip, x.ip), p.rrpwr),
+        iq=lag_rate(p.Tg, iq, x.iq),
     )
 
 

@@ -29,7 +29,6 @@ from stabctl.devices.blocks import (
     lookup,
     low_value,
     pi,
-    pi_rate,
     rate_limit,
     while_within,
 )
@@ -74,55 +73,9 @@ class Output(NamedTuple):
 
 
 @inline
-def within(x, most):
-    """x between -most and most."""
-    return at_least(at_most(x, most), -most)
-
-
-@inline
 def steady(rate, used, u, p):
     """The state derivative (1/s), 0 while the voltage is outside Vdip..Vup or where the state is not used."""
     return while_within(rate, u.vt, p.Vdip, p.Vup) if used else 0 * rate
-
-
-@inline
-def voltage(x, u, p):
-    """Filtered voltage (pu), and the same as a divisor."""
-    vf = lag(p.Trv, u.vt, x.vm)
-    return vf, at_least(vf, 0.01)
-
-
-@inline
-def reference(x, u, p):
-    """Reactive power reference (pu), before and after its limits."""
-    q = u.pfref * lag(p.Tp, u.P, x.pf) if p.PfFlag > 0.5 else u.Qext
-    return q, clip(q, p.Qmin, p.Qmax)
-
-
-@inline
-def voltage_error(x, u, p, bias):
-    """Voltage reference of the inner regulator, from reactive power or as given, less the voltage (pu)."""
-    given, q = reference(x, u, p)
-    if p.VFlag > 0.5:
-        wanted = pi(p.Kqp, q - u.Q, integral(p.Kqi, x.vq), p.Vmin, p.Vmax)
-    else:
-        wanted = clip(given + bias, p.Vmin, p.Vmax)
-    return wanted - voltage(x, u, p)[0]
-
-
-@inline
-def injected(x, u, p):
-    """Reactive current of the voltage error outside the deadband (pu)."""
-    error = (p.Vref0 if p.Vref0 > 0 else p.V0) - voltage(x, u, p)[0]
-    return clip(p.Kqv * deadband(error, p.dbd1, p.dbd2), p.Iqvmin, p.Iqvmax)
-
-
-@inline
-def regulated(x, u, p, bias, most):
-    """Reactive current within -most..most (pu) before the injection."""
-    if p.QFlag > 0.5:
-        return pi(p.Kvp, voltage_error(x, u, p, bias), integral(p.Kvi, x.iv), -most, most)
-    return lag(p.Tiq, reference(x, u, p)[1] / voltage(x, u, p)[1], x.iq)
 
 
 @inline
@@ -132,62 +85,67 @@ def root(I, used):
 
 
 @inline
-def order(pref, x, p):
-    """Power order (pu); where Tpord is too short, the reference within its limits."""
-    return lag(p.Tpord, clip(pref, p.Pmin, p.Pmax), x.pord)
-
-
-@inline
-def active(pref, x, u, p):
-    """Active current (pu) before its limits."""
-    return order(pref, x, p) / voltage(x, u, p)[1]
-
-
-@inline
-def rates(pref, x, u, p, bias, most):
-    """State derivatives (1/s), `most` the limit of the reactive current; regulators that are not in use rest."""
-    inner = p.QFlag > 0.5
-    q = reference(x, u, p)[1]
-    vq = pi_rate(p.Kqp, p.Kqi, q - u.Q, integral(p.Kqi, x.vq), p.Vmin, p.Vmax)
-    iv = pi_rate(p.Kvp, p.Kvi, voltage_error(x, u, p, bias), integral(p.Kvi, x.iv), -most, most)
-    pord = rate_limit(lag_rate(p.Tpord, pref, x.pord), p.dPmin, p.dPmax)
-    return State(
-        lag_rate(p.Trv, u.vt, x.vm),
-        lag_rate(p.Tp, u.P, x.pf),
-        steady(vq, inner and p.VFlag > 0.5, u, p),
-        steady(iv, inner, u, p),
-        steady(lag_rate(p.Tiq, q / voltage(x, u, p)[1], x.iq), not inner, u, p),
-        steady(pord, True, u, p),
-    )
+def prioritized(ip, iq, low, p):
+    """Active and reactive current (pu) within Imax, one of them first; ip is at least `low` times its limit."""
+    if p.PqFlag > 0.5:
+        ip = clip(ip, low * p.Imax, p.Imax)
+        most = root(p.Imax, ip)
+        return ip, clip(iq, -most, most)
+    iq = clip(iq, -p.Imax, p.Imax)
+    most = root(p.Imax, iq)
+    return clip(ip, low * most, most), iq
 
 
 @inline
 def table_q(x, u, p):
     """Limit of the reactive current by the curve VDL1 (pu)."""
-    return lookup(voltage(x, u, p)[0], (p.Vq1, p.Vq2, p.Vq3, p.Vq4), (p.Iq1, p.Iq2, p.Iq3, p.Iq4))
+    vf, _ = lag(p.Trv, u.vt, x.vm)
+    return lookup(vf, (p.Vq1, p.Vq2, p.Vq3, p.Vq4), (p.Iq1, p.Iq2, p.Iq3, p.Iq4))
 
 
 @inline
 def table_p(x, u, p):
     """Limit of the active current by the curve VDL2 (pu)."""
-    return lookup(voltage(x, u, p)[0], (p.Vp1, p.Vp2, p.Vp3, p.Vp4), (p.Ip1, p.Ip2, p.Ip3, p.Ip4))
+    vf, _ = lag(p.Trv, u.vt, x.vm)
+    return lookup(vf, (p.Vp1, p.Vp2, p.Vp3, p.Vp4), (p.Ip1, p.Ip2, p.Ip3, p.Ip4))
 
 
 @inline
-def limited(pref, x, u, p, bias, low, most_p, most_q):
-    """Current commands and the limit of the reactive current (pu).
+def commands(pref, x, u, p, bias, low, most_p, most_q):
+    """Active and reactive current command (pu), and state derivatives (1/s); regulators that are not in use rest.
 
-    `low` is 0 for a plant and -1 for storage, whose active current may be negative; `most_p` and `most_q` are limits by
-    voltage.
+    `bias` is added to the voltage reference with VFlag = 0. `low` is 0 for a plant and -1 for storage, whose active
+    current may be negative; `most_p` and `most_q` are limits by voltage.
     """
-    ip, most_p, most = active(pref, x, u, p), at_most(most_p, p.Imax), at_most(most_q, p.Imax)
+    vf, d_vm = lag(p.Trv, u.vt, x.vm)
+    divisor = at_least(vf, 0.01)
+
+    pf, d_pf = lag(p.Tp, u.P, x.pf)
+    given = u.pfref * pf if p.PfFlag > 0.5 else u.Qext
+    q = clip(given, p.Qmin, p.Qmax)
+    from_q, d_vq = pi(p.Kqp, p.Kqi, q - u.Q, integral(p.Kqi, x.vq), p.Vmin, p.Vmax)
+    vref = from_q if p.VFlag > 0.5 else clip(given + bias, p.Vmin, p.Vmax)
+
+    pord, _ = lag(p.Tpord, clip(pref, p.Pmin, p.Pmax), x.pord)
+    d_pord = rate_limit(lag_rate(p.Tpord, pref, x.pord), p.dPmin, p.dPmax)
+    ip, most_p, most_q = pord / divisor, at_most(most_p, p.Imax), at_most(most_q, p.Imax)
     if p.PqFlag > 0.5:
-        ip = at_least(at_most(ip, most_p), low * most_p)
-        most = low_value(most, root(p.Imax, ip))
-        return ip, within(regulated(x, u, p, bias, most) + injected(x, u, p), most), most
-    iq = within(regulated(x, u, p, bias, most) + injected(x, u, p), most)
-    most_p = low_value(most_p, root(p.Imax, iq))
-    return at_least(at_most(ip, most_p), low * most_p), iq, most
+        ip = clip(ip, low * most_p, most_p)
+        most_q = low_value(most_q, root(p.Imax, ip))
+
+    inner = p.QFlag > 0.5
+    from_v, d_iv = pi(p.Kvp, p.Kvi, vref - vf, integral(p.Kvi, x.iv), -most_q, most_q)
+    lagged, d_iq = lag(p.Tiq, q / divisor, x.iq)
+    error = (p.Vref0 if p.Vref0 > 0 else p.V0) - vf
+    injected = clip(p.Kqv * deadband(error, p.dbd1, p.dbd2), p.Iqvmin, p.Iqvmax)
+    iq = clip((from_v if inner else lagged) + injected, -most_q, most_q)
+    if p.PqFlag <= 0.5:
+        most_p = low_value(most_p, root(p.Imax, iq))
+        ip = clip(ip, low * most_p, most_p)
+
+    d_vq, d_iv = steady(d_vq, inner and p.VFlag > 0.5, u, p), steady(d_iv, inner, u, p)
+    d_iq, d_pord = steady(d_iq, not inner, u, p), steady(d_pord, True, u, p)
+    return ip, iq, State(vm=d_vm, pf=d_pf, vq=d_vq, iv=d_iv, iq=d_iq, pord=d_pord)
 
 
 def rising(p: Any) -> Any:

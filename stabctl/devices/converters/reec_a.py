@@ -20,7 +20,7 @@ from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.ports import PORT, fixed
 
-from .electrical import FLAG, LOOPS, Output, State, limited, local, rates, rising, table_p, table_q
+from .electrical import FLAG, LOOPS, Output, State, commands, local, rising, table_p, table_q
 
 NAME = "REEC_A"
 ROLE = "electrical control"
@@ -113,20 +113,8 @@ def prepare(p: Par) -> Par:
 
 
 @inline
-def commands(x, u, p):
-    """Active and reactive current command, and the limit of the reactive current (pu)."""
+def equations(x, u, p):
+    """Current commands (pu), and state derivatives (1/s)."""
     pref = u.Pref * u.wg if p.PFlag > 0.5 else u.Pref
-    return limited(pref, x, u, p, p.Vref1, 0.0, table_p(x, u, p), table_q(x, u, p))
-
-
-@inline
-def output(x, u, p):
-    """Current commands (pu)."""
-    ip, iq, _ = commands(x, u, p)
-    return Output(ip, iq)
-
-
-@inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
-    return rates(u.Pref * u.wg if p.PFlag > 0.5 else u.Pref, x, u, p, p.Vref1, commands(x, u, p)[2])
+    ip, iq, rates = commands(pref, x, u, p, p.Vref1, 0.0, table_p(x, u, p), table_q(x, u, p))
+    return Output(ip, iq), rates

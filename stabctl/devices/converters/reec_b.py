@@ -17,7 +17,7 @@ from typing import Annotated, Any, NamedTuple
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 
-from .electrical import FLAG, LOOPS, Input, Output, State, limited, local, rates
+from .electrical import FLAG, LOOPS, Input, Output, State, commands, local
 
 NAME = "REEC_B"
 ROLE = "electrical control"
@@ -70,19 +70,8 @@ def from_record(_kind: str, values: dict[str, Any]) -> tuple[dict[str, Any], lis
 
 
 @inline
-def commands(x, u, p):
-    """Active and reactive current command, and the limit of the reactive current (pu)."""
-    return limited(u.Pref, x, u, p, 0.0, 0.0, p.Imax + 0 * u.vt, p.Imax + 0 * u.vt)
-
-
-@inline
-def output(x, u, p):
-    """Current commands (pu)."""
-    ip, iq, _ = commands(x, u, p)
-    return Output(ip, iq)
-
-
-@inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
-    return rates(u.Pref, x, u, p, 0.0, commands(x, u, p)[2])
+def equations(x, u, p):
+    """Current commands (pu), and state derivatives (1/s)."""
+    most = p.Imax + 0 * u.vt
+    ip, iq, rates = commands(u.Pref, x, u, p, 0.0, 0.0, most, most)
+    return Output(ip, iq), rates

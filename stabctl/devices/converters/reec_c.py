@@ -21,7 +21,7 @@ from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE, SHARE
 from stabctl.devices.blocks import available
 
-from .electrical import FLAG, LOOPS, Input, Output, limited, local, rates, rising, table_p, table_q
+from .electrical import FLAG, LOOPS, Input, Output, commands, local, rising, table_p, table_q
 
 NAME = "REEC_C"
 ROLE = "electrical control"
@@ -126,22 +126,9 @@ def guess(p: Par) -> State:
 
 
 @inline
-def commands(x, u, p):
-    """Active and reactive current command, and the limit of the reactive current (pu)."""
-    ip, iq, most = limited(u.Pref, x, u, p, 0.0, -1.0, table_p(x, u, p), table_q(x, u, p))
-    return available(ip, x.soc, p.SOCmin, p.SOCmax), iq, most
-
-
-@inline
-def output(x, u, p):
-    """Current commands (pu)."""
-    ip, iq, _ = commands(x, u, p)
-    return Output(ip, iq)
-
-
-@inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
-    d = rates(u.Pref, x, u, p, 0.0, commands(x, u, p)[2])
-    charge = (p.P0 - u.P) / p.T if p.running > 0.5 else 0 * x.soc
-    return State(d.vm, d.pf, d.vq, d.iv, d.iq, d.pord, charge)
+def equations(x, u, p):
+    """Current commands (pu), and state derivatives (1/s)."""
+    ip, iq, d = commands(u.Pref, x, u, p, 0.0, -1.0, table_p(x, u, p), table_q(x, u, p))
+    d_soc = (p.P0 - u.P) / p.T if p.running > 0.5 else 0 * x.soc
+    rates = State(vm=d.vm, pf=d.pf, vq=d.vq, iv=d.iv, iq=d.iq, pord=d.pord, soc=d_soc)
+    return Output(available(ip, x.soc, p.SOCmin, p.SOCmax), iq), rates

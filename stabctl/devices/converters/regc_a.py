@@ -105,7 +105,7 @@ def logic(ip, vt, x, p):
     """Active current (pu) within the limit of low-voltage power logic."""
     if p.Lvplsw < 0.5:
         return ip
-    return low_value(ip, p.Lvpl1 * line(lag(p.Tfltr, vt, x.vfilt), p.Zerox, 0.0, p.Brkpt, 1.0))
+    return low_value(ip, p.Lvpl1 * line(lag(p.Tfltr, vt, x.vfilt)[0], p.Zerox, 0.0, p.Brkpt, 1.0))
 
 
 @inline
@@ -137,9 +137,9 @@ def output(x, v, p):
 def derivatives(x, u, y, p):
     """State derivatives (1/s); y is this converter's own output."""
     return State(
-        at_most(lag_rate(p.Tg, logic(u.Ipcmd, y.vt, x, p), x.ip), p.Rrpwr),
-        rate_limit(lag_rate(p.Tg, u.Iqcmd, x.iq), p.Iqrmin, p.Iqrmax),
-        lag_rate(p.Tfltr, y.vt, x.vfilt),
+        ip=at_most(lag_rate(p.Tg, logic(u.Ipcmd, y.vt, x, p), x.ip), p.Rrpwr),
+        iq=rate_limit(lag_rate(p.Tg, u.Iqcmd, x.iq), p.Iqrmin, p.Iqrmax),
+        vfilt=lag_rate(p.Tfltr, y.vt, x.vfilt),
     )
 
 

@@ -105,8 +105,9 @@ def derivatives(x, u, y, p):
     """State derivatives (1/s); y is this converter's own output."""
     ip, iq = references(x, y.vt, p)
     ed, eq = drop(ip, iq, p)
-    rates = reference_rates(x, u, y.vt, p)
-    return State(rates[0], rates[1], rates[2], lag_rate(p.Te, y.vt + ed, x.Ed), lag_rate(p.Te, eq, x.Eq))
+    d_ip, d_iq, d_vfilt = reference_rates(x, u, y.vt, p)
+    d_Ed, d_Eq = lag_rate(p.Te, y.vt + ed, x.Ed), lag_rate(p.Te, eq, x.Eq)
+    return State(ip=d_ip, iq=d_iq, vfilt=d_vfilt, Ed=d_Ed, Eq=d_Eq)
 
 
 def guess(V: complex, I: complex, p: Par) -> State:

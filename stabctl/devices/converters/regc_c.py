@@ -22,7 +22,7 @@ from annotated_types import Interval
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import SHORT, lag_rate, magnitude, pi, pi_rate
+from stabctl.devices.blocks import SHORT, lag_rate, magnitude, pi
 
 from .behind_impedance import FILTER, Input, admittance, allowed, drop, reference_rates, references, through
 from .electrical import root
@@ -126,7 +126,7 @@ def delivered(x, vd, vq, vt, p):
 @inline
 def locked(x, vq, p):
     """Frequency of the phase-locked loop (pu)."""
-    return 1 + pi(p.Kppll, vq, x.xpll, p.wmin, p.wmax) / p.wb
+    return 1 + pi(p.Kppll, p.Kipll, vq, x.xpll, p.wmin, p.wmax)[0] / p.wb
 
 
 @inline
@@ -161,27 +161,26 @@ def derivatives(x, i, u, v, y, p):
     ip, iq = delivered(x, vd, vq, y.vt, p)
     to_p, to_q = references(x, y.vt, p)
     ep, eq = to_p - ip, to_q - iq
-    most_p = most_q = p.Imax
     if p.PqFlag > 0.5:
-        up = pi(p.Kip, ep, x.xp, -most_p, most_p)
-        most_q = root(p.Imax, up)
-        uq = pi(p.Kip, eq, x.xq, -most_q, most_q)
+        up, d_xp = pi(p.Kip, p.Kii, ep, x.xp, -p.Imax, p.Imax)
+        most = root(p.Imax, up)
+        uq, d_xq = pi(p.Kip, p.Kii, eq, x.xq, -most, most)
     else:
-        uq = pi(p.Kip, eq, x.xq, -most_q, most_q)
-        most_p = root(p.Imax, uq)
-        up = pi(p.Kip, ep, x.xp, -most_p, most_p)
+        uq, d_xq = pi(p.Kip, p.Kii, eq, x.xq, -p.Imax, p.Imax)
+        most = root(p.Imax, uq)
+        up, d_xp = pi(p.Kip, p.Kii, ep, x.xp, -most, most)
     along, ahead = drop(up, uq, p)
-    rates = reference_rates(x, u, y.vt, p)
+    d_ip, d_iq, d_vfilt = reference_rates(x, u, y.vt, p)
     return State(
-        p.wb * (y.wpll - 1),
-        pi_rate(p.Kppll, p.Kipll, vq, x.xpll, p.wmin, p.wmax),
-        rates[0],
-        rates[1],
-        rates[2],
-        pi_rate(p.Kip, p.Kii, ep, x.xp, -most_p, most_p),
-        pi_rate(p.Kip, p.Kii, eq, x.xq, -most_q, most_q),
-        lag_rate(p.Te, vd + along, x.Ed),
-        lag_rate(p.Te, vq + ahead, x.Eq),
+        theta_pll=p.wb * (y.wpll - 1),
+        xpll=pi(p.Kppll, p.Kipll, vq, x.xpll, p.wmin, p.wmax)[1],
+        ip=d_ip,
+        iq=d_iq,
+        vfilt=d_vfilt,
+        xp=d_xp,
+        xq=d_xq,
+        Ed=lag_rate(p.Te, vd + along, x.Ed),
+        Eq=lag_rate(p.Te, vq + ahead, x.Eq),
     )
 
 

@@ -26,7 +26,7 @@ from annotated_types import Interval
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import SHORT, beyond, beyond_rate, clip, pi, pi_rate
+from stabctl.devices.blocks import SHORT, beyond, clip, pi
 
 from .forming import Input, Output, admittance, correction, short_circuit, terminals
 
@@ -103,67 +103,54 @@ def inertia(p: Par) -> float:
 
 
 @inline
-def held(x, u, p, low, high):
-    """Virtual speed (pu) that holds the active power between two limits."""
-    over, under = beyond(p.kpp, x.pf - high, x.pmax), beyond(p.kpp, low - x.pf, x.pmin)
-    return 1 + p.mp * (u.Pref - x.pf) - over + under
-
-
-@inline
-def speed(x, u, p):
-    """Virtual speed (pu)."""
-    return held(x, u, p, p.Pmin, p.Pmax)
-
-
-@inline
-def command(x, u, p):
-    """Voltage command (pu) of the droop."""
-    over, under = beyond(p.kpq, x.qf - p.Qmax, x.qmax), beyond(p.kpq, p.Qmin - x.qf, x.qmin)
-    return u.Vref + p.mq * (u.Qref - x.qf) - over + under
-
-
-@inline
-def emf(x, u, p):
-    """Magnitude (pu) of the internal voltage."""
-    wanted = command(x, u, p)
-    return pi(p.kpv, wanted - x.vm, x.e, p.Emin, p.Emax) if p.VFlag > 0.5 else clip(wanted, p.Emin, p.Emax)
+def voltage(x, u, p):
+    """Magnitude of the internal voltage (pu), and derivatives (1/s) of the integrals e, qmax and qmin."""
+    over, d_qmax = beyond(p.kpq, p.kiq, x.qf - p.Qmax, x.qmax)
+    under, d_qmin = beyond(p.kpq, p.kiq, p.Qmin - x.qf, x.qmin)
+    wanted = u.Vref + p.mq * (u.Qref - x.qf) - over + under
+    E, d_e = pi(p.kpv, p.kiv, wanted - x.vm, x.e, p.Emin, p.Emax)
+    if p.VFlag > 0.5:
+        return E, d_e, d_qmax, d_qmin
+    return clip(wanted, p.Emin, p.Emax), 0 * d_e, d_qmax, d_qmin
 
 
 @inline
 def source(x, u, p):
     """Short-circuit current of the internal voltage without limit (pu system), real and imaginary part."""
-    return short_circuit(emf(x, u, p), x.delta, p)
+    return short_circuit(voltage(x, u, p)[0], x.delta, p)
 
 
 @inline
 def current(x, u, v, p):
     """Current that the limit adds to that of the source (pu system), real and imaginary part."""
-    return correction(emf(x, u, p), x.delta, v, p)
+    return correction(voltage(x, u, p)[0], x.delta, v, p)
 
 
 @inline
-def output(x, u, v, p):
-    """Power and voltage at the terminals, virtual speed, internal voltage (pu converter)."""
-    E = emf(x, u, p)
+def between(x, u, v, p, low, high):
+    """Output and state derivatives (1/s) with these limits of the active power (pu converter)."""
+    E, d_e, d_qmax, d_qmin = voltage(x, u, p)
     P, Q, vt = terminals(E, x.delta, v, p)
-    return Output(P, Q, vt, speed(x, u, p), E)
+    over, d_pmax = beyond(p.kpp, p.kip, x.pf - high, x.pmax)
+    under, d_pmin = beyond(p.kpp, p.kip, low - x.pf, x.pmin)
+    omega = 1 + p.mp * (u.Pref - x.pf) - over + under
+    return Output(P, Q, vt, omega, E), State(
+        delta=p.wb * (omega - 1),
+        pf=(P - x.pf) / p.TPf,
+        qf=(Q - x.qf) / p.TQf,
+        vm=(vt - x.vm) / p.TVf,
+        e=d_e,
+        pmax=d_pmax,
+        pmin=d_pmin,
+        qmax=d_qmax,
+        qmin=d_qmin,
+    )
 
 
 @inline
-def derivatives(x, u, y, p):
-    """State derivatives (1/s); y is this converter's own output."""
-    rate = pi_rate(p.kpv, p.kiv, command(x, u, p) - x.vm, x.e, p.Emin, p.Emax)
-    return State(
-        p.wb * (y.omega - 1),
-        (y.P - x.pf) / p.TPf,
-        (y.Q - x.qf) / p.TQf,
-        (y.vt - x.vm) / p.TVf,
-        rate if p.VFlag > 0.5 else 0 * rate,
-        beyond_rate(p.kip, x.pf - p.Pmax, x.pmax),
-        beyond_rate(p.kip, p.Pmin - x.pf, x.pmin),
-        beyond_rate(p.kiq, x.qf - p.Qmax, x.qmax),
-        beyond_rate(p.kiq, p.Qmin - x.qf, x.qmin),
-    )
+def equations(x, u, v, p):
+    """Power and voltage at the terminals, virtual speed, internal voltage (pu converter); state derivatives (1/s)."""
+    return between(x, u, v, p, p.Pmin, p.Pmax)
 
 
 def guess(V: complex, I: complex, p: Par) -> State:

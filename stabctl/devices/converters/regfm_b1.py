@@ -38,18 +38,7 @@ from annotated_types import Interval
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import (
-    SHORT,
-    at_least,
-    at_most,
-    beyond_rate,
-    lag,
-    lag_rate,
-    magnitude,
-    pi,
-    pi_rate,
-    while_within,
-)
+from stabctl.devices.blocks import SHORT, at_least, at_most, beyond, lag, magnitude, pi, while_within
 
 from .electrical import root
 from .forming import (
@@ -165,16 +154,27 @@ def inertia(p: Par) -> float:
 
 
 @inline
-def command(x, u, p):
-    """Voltage command (pu) of the droop."""
-    return u.Vref + p.mq * (-x.iqf if p.VdrpFlag > 0.5 else u.Qref - x.qf)
+def most(x, p):
+    """Limits of the active and the reactive current in steady state (pu)."""
+    if p.PQFlag > 0.5:
+        return p.kf * p.ImaxSS, root(p.ImaxSS, x.idf)
+    return root(p.ImaxSS, x.iqf), p.kf * p.ImaxSS
 
 
 @inline
-def emf(x, u, p):
-    """Magnitude (pu) of the internal voltage."""
-    low, high = voltage_limits(x, p)
-    return pi(p.kpv, command(x, u, p) - x.vm, x.e, low, high)
+def voltage(x, u, p):
+    """Magnitude of the internal voltage (pu), between Emin and Emax, and derivative (1/s) of its integral."""
+    wanted = u.Vref + p.mq * (-x.iqf if p.VdrpFlag > 0.5 else u.Qref - x.qf)
+    _, iq = most(x, p)
+    ahead = x.idf * p.XL
+    low, high = magnitude(at_least(x.vm - iq * p.XL, 0.0), ahead), magnitude(x.vm + iq * p.XL, ahead)
+    return pi(p.kpv, p.kiv, wanted - x.vm, x.e, low, high)
+
+
+@inline
+def leads(x, p):
+    """Least and largest angle (rad) of the internal voltage ahead of the phase-locked loop."""
+    return p.deltamin + x.under, p.deltamax - x.over
 
 
 @inline
@@ -187,63 +187,62 @@ def angle(x, low, high):
 def source(x, u, p):
     """Short-circuit current of the internal voltage without limit (pu system), real and imaginary part."""
     low, high = leads(x, p)
-    return short_circuit(emf(x, u, p), angle(x, low, high), p)
+    return short_circuit(voltage(x, u, p)[0], angle(x, low, high), p)
 
 
 @inline
 def current(x, u, v, p):
     """Current that the limit adds to that of the source (pu system), real and imaginary part."""
     low, high = leads(x, p)
-    return correction(emf(x, u, p), angle(x, low, high), v, p)
+    return correction(voltage(x, u, p)[0], angle(x, low, high), v, p)
 
 
 @inline
-def output(x, u, v, p):
-    """Power and voltage at the terminals, virtual speed, internal voltage (pu converter)."""
-    E, (low, high) = emf(x, u, p), leads(x, p)
+def between(x, u, v, p, low, high):
+    """Output and state derivatives (1/s) with these limits of the angle ahead of the phase-locked loop (rad)."""
+    E, d_e = voltage(x, u, p)
     P, Q, vt = terminals(E, angle(x, low, high), v, p)
-    return Output(P, Q, vt, 1 + x.dw, E)
 
-
-@inline
-def derivatives(x, u, v, y, p):
-    """State derivatives (1/s); y is this converter's own output."""
-    low, high = leads(x, p)
-    return between(x, u, v, y, p, low, high)
-
-
-@inline
-def between(x, u, v, y, p, low, high):
-    """State derivatives (1/s) with these limits of the angle ahead of the phase-locked loop (rad)."""
     c, s = np.cos(x.theta_pll), np.sin(x.theta_pll)
-    ir, ii = limited(y.E, angle(x, low, high), v, p)
     vq = v[1] * c - v[0] * s
-    dwpll = pi(p.kpPLL, vq, x.xpll, p.dwPLLmin, p.dwPLLmax)
-    turn = while_within(p.wb * dwpll, y.vt, p.VPLLfrz, 0.0)
-    integral = pi_rate(p.kpPLL, p.kiPLL, vq, x.xpll, p.dwPLLmin, p.dwPLLmax)
+    dwpll, d_xpll = pi(p.kpPLL, p.kiPLL, vq, x.xpll, p.dwPLLmin, p.dwPLLmax)
+    turn = while_within(p.wb * dwpll, vt, p.VPLLfrz, 0.0)
+
+    wf, d_wf = lag(p.Tp, dwpll if p.wFlag > 0.5 else x.dw, x.wf)
+    droop = wf / p.mp if p.FFlag > 0.5 else 0 * x.dw
+    pf, d_pf = lag(p.TPf, P, x.pf)
+    power = u.Pref - droop - pf - p.D1 * x.dw - p.D2 * (x.dw - x.xd)
     lead = x.delta - x.theta_pll
     slip = at_least(at_most(p.wb * x.dw - turn, STOP * (high - lead)), STOP * (low - lead))
-    seen = dwpll if p.wFlag > 0.5 else x.dw
-    droop = lag(p.Tp, seen, x.wf) / p.mp if p.FFlag > 0.5 else 0 * x.dw
-    power = u.Pref - droop - lag(p.TPf, y.P, x.pf) - p.D1 * x.dw - p.D2 * (x.dw - x.xd)
-    bottom, top = voltage_limits(x, p)
-    over, under = reductions(x, p)
-    return State(
-        turn + slip,
-        power / (2 * p.H),
-        p.wD * (x.dw - x.xd),
-        lag_rate(p.Tp, seen, x.wf),
-        lag_rate(p.TPf, y.P, x.pf),
-        (y.Q - x.qf) / p.TQf,
-        (y.vt - x.vm) / p.TVf,
-        (ir * c + ii * s - x.idf) / p.TIf,
-        (ir * s - ii * c - x.iqf) / p.TIf,
-        pi_rate(p.kpv, p.kiv, command(x, u, p) - x.vm, x.e, bottom, top),
-        over,
-        under,
-        turn,
-        while_within(integral, y.vt, p.VPLLfrz, 0.0),
+
+    ir, ii = limited(E, angle(x, low, high), v, p)
+    idmax, _ = most(x, p)
+    taking = p.kI if p.ESFlag > 0.5 else 0.0
+    _, d_over = beyond(0.0, p.kI, x.idf - idmax, x.over)
+    _, d_under = beyond(0.0, taking, -p.Ke * idmax - x.idf, x.under)
+    return Output(P, Q, vt, 1 + x.dw, E), State(
+        delta=turn + slip,
+        dw=power / (2 * p.H),
+        xd=p.wD * (x.dw - x.xd),
+        wf=d_wf,
+        pf=d_pf,
+        qf=(Q - x.qf) / p.TQf,
+        vm=(vt - x.vm) / p.TVf,
+        idf=(ir * c + ii * s - x.idf) / p.TIf,
+        iqf=(ir * s - ii * c - x.iqf) / p.TIf,
+        e=d_e,
+        over=d_over,
+        under=d_under,
+        theta_pll=turn,
+        xpll=while_within(d_xpll, vt, p.VPLLfrz, 0.0),
     )
+
+
+@inline
+def equations(x, u, v, p):
+    """Power and voltage at the terminals, virtual speed, internal voltage (pu converter); state derivatives (1/s)."""
+    low, high = leads(x, p)
+    return between(x, u, v, p, low, high)
 
 
 def guess(V: complex, I: complex, p: Par) -> State:
@@ -252,33 +251,3 @@ def guess(V: complex, I: complex, p: Par) -> State:
     local = I * np.exp(-1j * theta)
     filters = S.real, S.imag, abs(V), float(local.real), -float(local.imag)
     return State(float(np.angle(E)), 0.0, 0.0, 0.0, *filters, abs(E), 0.0, 0.0, theta, 0.0)
-
-
-@inline
-def most(x, p):
-    """Limits of the active and the reactive current in steady state (pu)."""
-    if p.PQFlag > 0.5:
-        return p.kf * p.ImaxSS, root(p.ImaxSS, x.idf)
-    return root(p.ImaxSS, x.iqf), p.kf * p.ImaxSS
-
-
-@inline
-def voltage_limits(x, p):
-    """Emin and Emax (pu), at which the reactive current is at its limit."""
-    _, iq = most(x, p)
-    ahead = x.idf * p.XL
-    return magnitude(at_least(x.vm - iq * p.XL, 0.0), ahead), magnitude(x.vm + iq * p.XL, ahead)
-
-
-@inline
-def leads(x, p):
-    """Least and largest angle (rad) of the internal voltage ahead of the phase-locked loop."""
-    return p.deltamin + x.under, p.deltamax - x.over
-
-
-@inline
-def reductions(x, p):
-    """State derivatives (rad/s) of the reductions of both angles, while the active current is beyond its limit."""
-    idmax, _ = most(x, p)
-    taking = p.kI if p.ESFlag > 0.5 else 0.0
-    return beyond_rate(p.kI, x.idf - idmax, x.over), beyond_rate(taking, -p.Ke * idmax - x.idf, x.under)

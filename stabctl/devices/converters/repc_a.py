@@ -22,11 +22,9 @@ from stabctl.devices.blocks import (
     deadband,
     integral,
     lag,
-    lag_rate,
     lead_lag,
     magnitude,
     pi,
-    pi_rate,
     two_slopes,
     while_within,
 )
@@ -136,40 +134,21 @@ def measured(u, p):
 
 
 @inline
-def reactive_error(x, u, p):
-    """Error of the reactive regulator (pu)."""
-    wanted = u.Vset if p.RefFlag > 0.5 else u.Qset
-    return clip(deadband(wanted - lag(p.Tfltr, measured(u, p), x.meas), p.dbd1, p.dbd2), p.emin, p.emax)
+def equations(x, u, p):
+    """References (pu), and state derivatives (1/s); the active regulator rests where it is off."""
+    meas, d_meas = lag(p.Tfltr, measured(u, p), x.meas)
+    error = clip(deadband((u.Vset if p.RefFlag > 0.5 else u.Qset) - meas, p.dbd1, p.dbd2), p.emin, p.emax)
+    q, d_xq = pi(p.Kp, p.Ki, error, integral(p.Ki, x.xq), p.Qmin, p.Qmax)
+    Qext, d_xf = lead_lag(p.Tft, p.Tfv, q, x.xf)
 
-
-@inline
-def power_error(x, u, p):
-    """Error of the active regulator (pu)."""
+    on = 1.0 if p.FFlag > 0.5 else 0.0
+    pf, d_pf = lag(p.Tp, u.P, x.pf)
     droop = two_slopes(deadband(u.fset - u.f, p.fdbd1, p.fdbd2), p.Ddn, p.Dup)
-    return clip(u.Pset - lag(p.Tp, u.P, x.pf) + droop, p.femin, p.femax)
+    error = clip(u.Pset - pf + droop, p.femin, p.femax)
+    power, d_xp = pi(p.Kpg, p.Kig, error, integral(p.Kig, x.xp), p.Pmin, p.Pmax)
+    pg, d_pg = lag(p.Tg, power, x.pg)
 
-
-@inline
-def output(x, u, p):
-    """References (pu)."""
-    q = pi(p.Kp, reactive_error(x, u, p), integral(p.Ki, x.xq), p.Qmin, p.Qmax)
-    power = pi(p.Kpg, power_error(x, u, p), integral(p.Kig, x.xp), p.Pmin, p.Pmax)
-    return Output(lag(p.Tg, power, x.pg) if p.FFlag > 0.5 else u.Pset, lead_lag(p.Tft, p.Tfv, q, x.xf))
-
-
-@inline
-def derivatives(x, u, p):
-    """State derivatives (1/s); the active regulator rests where it is off."""
-    e, on = reactive_error(x, u, p), 1.0 if p.FFlag > 0.5 else 0.0
-    q = pi(p.Kp, e, integral(p.Ki, x.xq), p.Qmin, p.Qmax)
-    xq = pi_rate(p.Kp, p.Ki, e, integral(p.Ki, x.xq), p.Qmin, p.Qmax)
-    ep = power_error(x, u, p)
-    power = pi(p.Kpg, ep, integral(p.Kig, x.xp), p.Pmin, p.Pmax)
-    return State(
-        lag_rate(p.Tfltr, measured(u, p), x.meas),
-        while_within(xq, u.V, p.Vfrz, 0.0),
-        lag_rate(p.Tfv, q, x.xf),
-        lag_rate(p.Tp, u.P, x.pf),
-        on * pi_rate(p.Kpg, p.Kig, ep, integral(p.Kig, x.xp), p.Pmin, p.Pmax),
-        on * lag_rate(p.Tg, power, x.pg),
+    d_xq = while_within(d_xq, u.V, p.Vfrz, 0.0)
+    return Output(Pref=pg if p.FFlag > 0.5 else u.Pset, Qext=Qext), State(
+        meas=d_meas, xq=d_xq, xf=d_xf, pf=d_pf, xp=on * d_xp, pg=on * d_pg
     )

@@ -6,7 +6,7 @@ The regulator has a lead-lag and a lag, and a stabilizing feedback of the field 
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import derivative, field_demand, lag, lag_rate, lead_lag, rectified
+from stabctl.devices.blocks import derivative, field_demand, lag, lead_lag, rectified
 
 from .shared import Output
 
@@ -34,22 +34,20 @@ def load(x, u, p):
 
 
 @inline
-def demand(x, u, p, vfe):
-    """Control error, and the regulator output it demands (pu)."""
-    error = u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs - derivative(p.KF, p.TF, vfe, x.vf)
-    return error, p.KA * lead_lag(p.TC, p.TB, error, x.va)
+def regulated(x, u, p):
+    """Regulator output before its limits and VFE (pu), and state derivatives (1/s) with `ve` still to be driven."""
+    vfe = load(x, u, p)
+    vf, d_vf = derivative(p.KF, p.TF, vfe, x.vf)
+    vm, d_vm = lag(p.TR, u.vt, x.vm)
+    va, d_va = lead_lag(p.TC, p.TB, u.Vref - vm + u.Vs - vf, x.va)
+    vr, d_vr = lag(p.TA, p.KA * va, x.vr)
+    return vr, vfe, State(vm=d_vm, va=d_va, vr=d_vr, ve=0 * vfe, vf=d_vf)
 
 
 @inline
-def rates(x, u, p, error, wanted, vr, vfe):
-    """State derivatives (1/s): regulator output `wanted`, voltage `vr` at the field of the exciter."""
-    return State(
-        lag_rate(p.TR, u.vt, x.vm),
-        lag_rate(p.TB, error, x.va),
-        lag_rate(p.TA, wanted, x.vr),
-        (vr - vfe) / p.TE,
-        lag_rate(p.TF, vfe, x.vf),
-    )
+def driven(d, drive, vfe, p):
+    """State derivatives (1/s) with the voltage `drive` at the field of the exciter."""
+    return State(vm=d.vm, va=d.va, vr=d.vr, ve=(drive - vfe) / p.TE, vf=d.vf)
 
 
 def guess(V, I, p):

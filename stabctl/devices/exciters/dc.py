@@ -6,7 +6,7 @@ The regulator has a lead-lag and a lag, the exciter saturation and a stabilizing
 from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import clip, derivative, field_demand, lag, lag_rate, lead_lag, quadratic
+from stabctl.devices.blocks import clip, derivative, field_demand, lag, lead_lag, quadratic
 
 from . import shared
 from .shared import Output
@@ -31,16 +31,13 @@ def output(x):
 @inline
 def rates(x, u, p, scale):
     """State derivatives (1/s); `scale` multiplies the limits of the regulator."""
-    error = u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs - derivative(p.KF, p.TF, x.efd, x.vf)
-    wanted = p.KA * lead_lag(p.TC, p.TB, error, x.va)
-    vr = clip(lag(p.TA, wanted, x.vr), p.VRmin * scale, p.VRmax * scale)
-    return State(
-        lag_rate(p.TR, u.vt, x.vm),
-        lag_rate(p.TB, error, x.va),
-        lag_rate(p.TA, wanted, x.vr),
-        (vr - field_demand(x.efd, p.KE, p.SA, p.SB)) / p.TE,
-        lag_rate(p.TF, x.efd, x.vf),
-    )
+    vf, d_vf = derivative(p.KF, p.TF, x.efd, x.vf)
+    vm, d_vm = lag(p.TR, u.vt, x.vm)
+    va, d_va = lead_lag(p.TC, p.TB, u.Vref - vm + u.Vs - vf, x.va)
+    vr, d_vr = lag(p.TA, p.KA * va, x.vr)
+    drive = clip(vr, p.VRmin * scale, p.VRmax * scale)
+    d_efd = (drive - field_demand(x.efd, p.KE, p.SA, p.SB)) / p.TE
+    return State(vm=d_vm, va=d_va, vr=d_vr, efd=d_efd, vf=d_vf)
 
 
 def automatic(p: Any, y: Any) -> Any:

@@ -19,7 +19,7 @@ from annotated_types import Ge
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import clip, derivative, field_demand, integral, lag, lag_rate, pi_rate
+from stabctl.devices.blocks import clip, derivative, field_demand, integral, lag, pi
 
 from . import dc, shared
 from .dc import automatic, output
@@ -80,18 +80,16 @@ class State(NamedTuple):
 @inline
 def derivatives(x, u, p):
     """State derivatives (1/s)."""
-    error = u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs - derivative(p.KF, p.TF, x.efd, x.vf)
-    rest = integral(p.KI, x.vi) + derivative(p.KD, p.TD, error, x.vd)
-    wanted = u.vt * clip(p.KA * (p.KP * error + rest), p.VRmin, p.VRmax)
-    vr = clip(lag(p.TA, wanted, x.vr), u.vt * p.VRmin, u.vt * p.VRmax)
-    return State(
-        lag_rate(p.TR, u.vt, x.vm),
-        pi_rate(p.KP, p.KI, error, rest, p.VRmin / p.KA, p.VRmax / p.KA),
-        lag_rate(p.TD, error, x.vd),
-        lag_rate(p.TA, wanted, x.vr),
-        (vr - field_demand(x.efd, p.KE, p.SA, p.SB)) / p.TE,
-        lag_rate(p.TF, x.efd, x.vf),
-    )
+    vf, d_vf = derivative(p.KF, p.TF, x.efd, x.vf)
+    vm, d_vm = lag(p.TR, u.vt, x.vm)
+    error = u.Vref - vm + u.Vs - vf
+    vd, d_vd = derivative(p.KD, p.TD, error, x.vd)
+    rest = integral(p.KI, x.vi) + vd
+    _, d_vi = pi(p.KP, p.KI, error, rest, p.VRmin / p.KA, p.VRmax / p.KA)
+    vr, d_vr = lag(p.TA, u.vt * clip(p.KA * (p.KP * error + rest), p.VRmin, p.VRmax), x.vr)
+    drive = clip(vr, u.vt * p.VRmin, u.vt * p.VRmax)
+    d_efd = (drive - field_demand(x.efd, p.KE, p.SA, p.SB)) / p.TE
+    return State(vm=d_vm, vi=d_vi, vd=d_vd, vr=d_vr, efd=d_efd, vf=d_vf)
 
 
 def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:

@@ -19,10 +19,10 @@ from annotated_types import Ge
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import clip, lag
+from stabctl.devices.blocks import clip
 
 from . import shared
-from .ac import State, demand, guess, load, output, rates
+from .ac import State, driven, guess, output, regulated
 from .shared import LoadedInput as Input
 from .shared import Output, prepare
 
@@ -69,10 +69,8 @@ class Par(NamedTuple):
 @inline
 def derivatives(x, u, p):
     """State derivatives (1/s)."""
-    vfe = load(x, u, p)
-    error, wanted = demand(x, u, p, vfe)
-    va = clip(lag(p.TA, wanted, x.vr), p.VAmin, p.VAmax)
-    return rates(x, u, p, error, wanted, clip(va, p.VRmin, p.VRmax), vfe)
+    vr, vfe, d = regulated(x, u, p)
+    return driven(d, clip(clip(vr, p.VAmin, p.VAmax), p.VRmin, p.VRmax), vfe, p)
 
 
 def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:

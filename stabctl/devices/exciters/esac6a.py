@@ -19,7 +19,7 @@ from annotated_types import Ge
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import at_least, at_most, clip, lag, lag_rate, lead_lag
+from stabctl.devices.blocks import at_least, at_most, clip, lag, lead_lag
 
 from . import shared
 from .ac import load, output
@@ -84,18 +84,13 @@ class State(NamedTuple):
 def derivatives(x, u, p):
     """State derivatives (1/s)."""
     vfe = load(x, u, p)
-    error = u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs
-    first = p.KA * lead_lag(p.TK, p.TA, error, x.va)
-    va = clip(lead_lag(p.TC, p.TB, first, x.vb), p.VAmin, p.VAmax)
-    excess = vfe - p.VFELIM
-    vh = at_most(at_least(p.KH * lead_lag(p.TJ, p.TH, excess, x.vh), 0.0), p.VHmax)
-    return State(
-        lag_rate(p.TR, u.vt, x.vm),
-        lag_rate(p.TA, error, x.va),
-        lag_rate(p.TB, first, x.vb),
-        (clip(va - vh, u.vt * p.VRmin, u.vt * p.VRmax) - vfe) / p.TE,
-        lag_rate(p.TH, excess, x.vh),
-    )
+    vm, d_vm = lag(p.TR, u.vt, x.vm)
+    va, d_va = lead_lag(p.TK, p.TA, u.Vref - vm + u.Vs, x.va)
+    vb, d_vb = lead_lag(p.TC, p.TB, p.KA * va, x.vb)
+    vh, d_vh = lead_lag(p.TJ, p.TH, vfe - p.VFELIM, x.vh)
+    vh = at_most(at_least(p.KH * vh, 0.0), p.VHmax)
+    drive = clip(clip(vb, p.VAmin, p.VAmax) - vh, u.vt * p.VRmin, u.vt * p.VRmax)
+    return State(vm=d_vm, va=d_va, vb=d_vb, ve=(drive - vfe) / p.TE, vh=d_vh)
 
 
 def guess(V, I, p):

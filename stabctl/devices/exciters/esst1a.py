@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import SHORT, at_least, at_most, clip, derivative, lag, lag_rate, lead_lag
+from stabctl.devices.blocks import SHORT, at_least, at_most, clip, derivative, lag, lead_lag
 
 from .shared import LoadedInput as Input
 from .shared import Output
@@ -25,7 +25,7 @@ LIMITS = {"vr": ("VAmin", "VAmax")}
 DYR = {
     "ESST1A": "+UEL +VOS TR VImax VImin TC TB TC1 TB1 KA TA VAmax VAmin VRmax VRmin KC KF TF KLR ILR",
 }
-__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "from_record", "output"]
+__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record"]
 
 
 class Par(NamedTuple):
@@ -67,40 +67,17 @@ class State(NamedTuple):
 
 
 @inline
-def demand(x, u, p, excess):
-    """Control error, the signal after the first stage, and the regulator output they demand (pu)."""
-    error = u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs - derivative(p.KF, p.TF, x.vr - excess, x.vf)
-    error = clip(error, p.VImin, p.VImax)
-    first = lead_lag(p.TC, p.TB, error, x.va)
-    return error, first, p.KA * lead_lag(p.TC1, p.TB1, first, x.vb)
-
-
-@inline
-def limiter(u, p):
-    """Signal of the field current limiter (pu)."""
-    return at_least(p.KLR * (u.Ifd - p.ILR), 0.0)
-
-
-@inline
-def output(x, u, p):
-    """Field voltage Efd (pu)."""
-    excess = limiter(u, p)
-    va = clip(lag(p.TA, demand(x, u, p, excess)[2], x.vr), p.VAmin, p.VAmax) - excess
-    return Output(at_least(at_most(va, u.vt * p.VRmax - p.KC * u.Ifd), u.vt * p.VRmin))
-
-
-@inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
-    excess = limiter(u, p)
-    error, first, wanted = demand(x, u, p, excess)
-    return State(
-        lag_rate(p.TR, u.vt, x.vm),
-        lag_rate(p.TB, error, x.va),
-        lag_rate(p.TB1, first, x.vb),
-        lag_rate(p.TA, wanted, x.vr),
-        lag_rate(p.TF, x.vr - excess, x.vf),
-    )
+def equations(x, u, p):
+    """Field voltage Efd (pu), and state derivatives (1/s)."""
+    excess = at_least(p.KLR * (u.Ifd - p.ILR), 0.0)  # of the field current
+    vf, d_vf = derivative(p.KF, p.TF, x.vr - excess, x.vf)
+    vm, d_vm = lag(p.TR, u.vt, x.vm)
+    va, d_va = lead_lag(p.TC, p.TB, clip(u.Vref - vm + u.Vs - vf, p.VImin, p.VImax), x.va)
+    vb, d_vb = lead_lag(p.TC1, p.TB1, va, x.vb)
+    vr, d_vr = lag(p.TA, p.KA * vb, x.vr)
+    efd = clip(vr, p.VAmin, p.VAmax) - excess
+    efd = at_least(at_most(efd, u.vt * p.VRmax - p.KC * u.Ifd), u.vt * p.VRmin)
+    return Output(efd), State(vm=d_vm, va=d_va, vb=d_vb, vr=d_vr, vf=d_vf)
 
 
 def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:

@@ -23,7 +23,7 @@ NAME = "ESST3A"
 ROLE = "exciter"
 LIMITS = {"vr": ("VRmin", "VRmax"), "vm": ("VMmin", "VMmax")}
 DYR = {"ESST3A": "TR VImax VImin KM TC TB KA TA VRmax VRmin KG KP KI VBmax KC XL VGmax THETAP TM VMmax VMmin"}
-__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
+__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations"]
 
 
 class Par(NamedTuple):
@@ -67,29 +67,14 @@ class State(NamedTuple):
 
 
 @inline
-def demand(x, u, p):
-    """Control error, the regulator output it demands, and the regulator output (pu)."""
-    error = clip(u.Vref - lag(p.TR, u.vt, x.vc) + u.Vs, p.VImin, p.VImax)
-    wanted = p.KA * lead_lag(p.TC, p.TB, error, x.va)
-    return error, wanted, clip(lag(p.TA, wanted, x.vr), p.VRmin, p.VRmax)
-
-
-@inline
-def output(x, u, v, p):
-    """Field voltage Efd = VM VB (pu)."""
-    vm = clip(lag(p.TM, p.KM * demand(x, u, p)[2], x.vm), p.VMmin, p.VMmax)
-    supply = rectified(compound(v, u, p.KP, p.THETAP, p.KI, p.XL), p.KC, u.Ifd)
-    return Output(vm * at_most(supply, p.VBmax))
-
-
-@inline
-def derivatives(x, u, y, p):
-    """State derivatives (1/s); y is this exciter's own output."""
-    error, wanted, vr = demand(x, u, p)
-    inner = p.KM * (vr - at_most(p.KG * y.Efd, p.VGmax))
-    return State(
-        lag_rate(p.TR, u.vt, x.vc),
-        lag_rate(p.TB, error, x.va),
-        lag_rate(p.TA, wanted, x.vr),
-        lag_rate(p.TM, inner, x.vm),
-    )
+def equations(x, u, v, p):
+    """Field voltage Efd = VM VB (pu), and state derivatives (1/s)."""
+    vc, d_vc = lag(p.TR, u.vt, x.vc)
+    va, d_va = lead_lag(p.TC, p.TB, clip(u.Vref - vc + u.Vs, p.VImin, p.VImax), x.va)
+    vr, d_vr = lag(p.TA, p.KA * va, x.vr)
+    vr = clip(vr, p.VRmin, p.VRmax)
+    vm = clip(x.vm if p.TM >= SHORT else p.KM * vr, p.VMmin, p.VMmax)
+    vb = at_most(rectified(compound(v, u, p.KP, p.THETAP, p.KI, p.XL), p.KC, u.Ifd), p.VBmax)
+    efd = vm * vb
+    d_vm = lag_rate(p.TM, p.KM * (vr - at_most(p.KG * efd, p.VGmax)), x.vm)
+    return Output(efd), State(vc=d_vc, va=d_va, vr=d_vr, vm=d_vm)

@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import at_most, clip, compound, integral, lag, lag_rate, pi, pi_rate, rectified
+from stabctl.devices.blocks import at_most, clip, compound, integral, lag, pi, rectified
 
 from .shared import CompoundInput as Input
 from .shared import Output
@@ -21,7 +21,7 @@ from .shared import Output
 NAME = "ESST4B"
 ROLE = "exciter"
 DYR = {"ESST4B": "TR KPR KIR VRmax VRmin TA KPM KIM VMmax VMmin KG KP KI VBmax KC XL THETAP"}
-__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
+__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations"]
 
 
 class Par(NamedTuple):
@@ -56,29 +56,13 @@ class State(NamedTuple):
 
 
 @inline
-def regulator(x, u, p):
-    """Control error, and the regulator output (pu)."""
-    error = u.Vref - lag(p.TR, u.vt, x.vc) + u.Vs
-    return error, pi(p.KPR, error, integral(p.KIR, x.vr), p.VRmin, p.VRmax)
-
-
-@inline
-def output(x, u, v, p):
-    """Field voltage: Efd = VM VB with VM = KPM (VA - KG Efd) + integral, solved for VM (pu)."""
-    va = lag(p.TA, regulator(x, u, p)[1], x.va)
+def equations(x, u, v, p):
+    """Field voltage (pu), and state derivatives (1/s); VM = KPM (VA - KG VM VB) + integral is solved for VM."""
+    vc, d_vc = lag(p.TR, u.vt, x.vc)
+    vr, d_vr = pi(p.KPR, p.KIR, u.Vref - vc + u.Vs, integral(p.KIR, x.vr), p.VRmin, p.VRmax)
+    va, d_va = lag(p.TA, vr, x.va)
     vb = at_most(rectified(compound(v, u, p.KP, p.THETAP, p.KI, p.XL), p.KC, u.Ifd), p.VBmax)
-    vm = (p.KPM * va + integral(p.KIM, x.vm)) / (1 + p.KPM * p.KG * vb)
-    return Output(vb * clip(vm, p.VMmin, p.VMmax))
-
-
-@inline
-def derivatives(x, u, y, p):
-    """State derivatives (1/s); y is this exciter's own output."""
-    error, vr = regulator(x, u, p)
-    inner = lag(p.TA, vr, x.va) - p.KG * y.Efd
-    return State(
-        lag_rate(p.TR, u.vt, x.vc),
-        pi_rate(p.KPR, p.KIR, error, integral(p.KIR, x.vr), p.VRmin, p.VRmax),
-        lag_rate(p.TA, vr, x.va),
-        pi_rate(p.KPM, p.KIM, inner, integral(p.KIM, x.vm), p.VMmin, p.VMmax),
-    )
+    rest = integral(p.KIM, x.vm)
+    efd = vb * clip((p.KPM * va + rest) / (1 + p.KPM * p.KG * vb), p.VMmin, p.VMmax)
+    _, d_vm = pi(p.KPM, p.KIM, va - p.KG * efd, rest, p.VMmin, p.VMmax)
+    return Output(efd), State(vc=d_vc, vr=d_vr, va=d_va, vm=d_vm)

@@ -20,10 +20,10 @@ from annotated_types import Ge
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import clip, lag, low_value
+from stabctl.devices.blocks import clip, low_value
 
 from . import shared
-from .ac import State, demand, guess, load, output, rates
+from .ac import State, driven, guess, output, regulated
 from .shared import LoadedInput as Input
 from .shared import Output, prepare
 
@@ -74,11 +74,9 @@ class Par(NamedTuple):
 @inline
 def derivatives(x, u, p):
     """State derivatives (1/s)."""
-    vfe = load(x, u, p)
-    error, wanted = demand(x, u, p, vfe)
-    va = clip(lag(p.TA, wanted, x.vr), p.VAmin, p.VAmax)
-    vr = p.KB * low_value(va - p.KH * vfe, p.KL * (p.VLR - vfe))
-    return rates(x, u, p, error, wanted, clip(vr, p.VRmin, p.VRmax), vfe)
+    vr, vfe, d = regulated(x, u, p)
+    drive = p.KB * low_value(clip(vr, p.VAmin, p.VAmax) - p.KH * vfe, p.KL * (p.VLR - vfe))
+    return driven(d, clip(drive, p.VRmin, p.VRmax), vfe, p)
 
 
 def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:

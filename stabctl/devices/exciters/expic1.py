@@ -26,7 +26,6 @@ from stabctl.devices.blocks import (
     lag_rate,
     lead_lag,
     pi,
-    pi_rate,
     rectified,
 )
 
@@ -40,7 +39,7 @@ DYR = {
     "EXPIC1": "TR KA TA1 VAmax VAmin TA2 TA3 TA4 VRmax VRmin KF TF1 TF2 Efdmax Efdmin KE TE E1 SE1 E2 SE2 KP KI KC",
 }
 __all__ = [
-    "DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "from_record", "output", "prepare",
+    "DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record", "prepare",
 ]  # fmt: skip
 
 
@@ -102,46 +101,21 @@ def supply(u, v, p):
 
 
 @inline
-def stages(x, u, p):
-    """Control error, regulator output, and the two signals of the second stage (pu)."""
-    error = u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs - feedback(x, p)
-    va = pi(p.KA * p.TA1, error, x.va, p.VAmin, p.VAmax)
-    first = lead_lag(p.TA3, p.TA2, va, x.vb)
-    return error, va, first, clip(lag(p.TA4, first, x.vr), p.VRmin, p.VRmax)
-
-
-@inline
-def feedback(x, p):
-    """Stabilizing feedback; with one lag alone it is that of the exciter state (pu)."""
-    return x.damping if p.TF2 >= SHORT else derivative(p.KF, p.TF1, x.efd, x.vf)
-
-
-@inline
-def drive(x, u, v, p):
-    """Voltage at the exciter (pu)."""
-    return clip(stages(x, u, p)[3] * supply(u, v, p), p.Efdmin, p.Efdmax)
-
-
-@inline
-def output(x, u, v, p):
-    """Field voltage Efd (pu)."""
-    return Output(x.efd if p.TE >= SHORT else drive(x, u, v, p))
-
-
-@inline
-def derivatives(x, u, v, y, p):
-    """State derivatives (1/s); y is this exciter's own output."""
-    error, va, first, _ = stages(x, u, p)
-    rotating = (drive(x, u, v, p) - field_demand(x.efd, p.KE, p.SA, p.SB)) / p.TE if p.TE >= SHORT else 0 * x.efd
-    return State(
-        lag_rate(p.TR, u.vt, x.vm),
-        pi_rate(p.KA * p.TA1, p.KA, error, x.va, p.VAmin, p.VAmax),
-        lag_rate(p.TA2, va, x.vb),
-        lag_rate(p.TA4, first, x.vr),
-        rotating,
-        lag_rate(p.TF1, y.Efd, x.vf),
-        lag_rate(p.TF2, derivative(p.KF, p.TF1, y.Efd, x.vf), x.damping),
-    )
+def equations(x, u, v, p):
+    """Field voltage Efd (pu), and state derivatives (1/s); feedback with one lag alone is that of the exciter state."""
+    damping = x.damping if p.TF2 >= SHORT else derivative(p.KF, p.TF1, x.efd, x.vf)[0]
+    vm, d_vm = lag(p.TR, u.vt, x.vm)
+    va, d_va = pi(p.KA * p.TA1, p.KA, u.Vref - vm + u.Vs - damping, x.va, p.VAmin, p.VAmax)
+    vb, d_vb = lead_lag(p.TA3, p.TA2, va, x.vb)
+    vr, d_vr = lag(p.TA4, vb, x.vr)
+    drive = clip(clip(vr, p.VRmin, p.VRmax) * supply(u, v, p), p.Efdmin, p.Efdmax)
+    if p.TE >= SHORT:
+        efd, d_efd = x.efd, (drive - field_demand(x.efd, p.KE, p.SA, p.SB)) / p.TE
+    else:
+        efd, d_efd = drive, 0 * x.efd
+    vf, d_vf = derivative(p.KF, p.TF1, efd, x.vf)
+    d_damping = lag_rate(p.TF2, vf, x.damping)
+    return Output(efd), State(vm=d_vm, va=d_va, vb=d_vb, vr=d_vr, efd=d_efd, vf=d_vf, damping=d_damping)
 
 
 def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:

@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import SHORT, clip, derivative, lag, lag_rate, lead_lag
+from stabctl.devices.blocks import SHORT, clip, derivative, lag, lead_lag
 
 from .shared import LoadedInput as Input
 from .shared import Output
@@ -22,7 +22,7 @@ from .shared import Output
 NAME = "EXST1"
 ROLE = "exciter"
 DYR = {"EXST1": "TR VImax VImin TC TB KA TA VRmax VRmin KC KF TF"}
-__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
+__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations"]
 
 
 class Par(NamedTuple):
@@ -57,28 +57,12 @@ class State(NamedTuple):
 
 
 @inline
-def demand(x, u, p):
-    """Control error, and the regulator output it demands (pu)."""
-    error = u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs - derivative(p.KF, p.TF, x.vr, x.vf)
-    error = clip(error, p.VImin, p.VImax)
-    return error, p.KA * lead_lag(p.TC, p.TB, error, x.va)
-
-
-@inline
-def output(x, u, p):
-    """Field voltage Efd (pu)."""
+def equations(x, u, p):
+    """Field voltage Efd (pu), and state derivatives (1/s)."""
+    vf, d_vf = derivative(p.KF, p.TF, x.vr, x.vf)
+    vm, d_vm = lag(p.TR, u.vt, x.vm)
+    va, d_va = lead_lag(p.TC, p.TB, clip(u.Vref - vm + u.Vs - vf, p.VImin, p.VImax), x.va)
+    vr, d_vr = lag(p.TA, p.KA * va, x.vr)
     drop = p.KC * u.Ifd
-    va = lag(p.TA, demand(x, u, p)[1], x.vr)
-    return Output(clip(va + drop, u.vt * p.VRmin, u.vt * p.VRmax) - drop)
-
-
-@inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
-    error, wanted = demand(x, u, p)
-    return State(
-        lag_rate(p.TR, u.vt, x.vm),
-        lag_rate(p.TB, error, x.va),
-        lag_rate(p.TA, wanted, x.vr),
-        lag_rate(p.TF, x.vr, x.vf),
-    )
+    efd = clip(vr + drop, u.vt * p.VRmin, u.vt * p.VRmax) - drop
+    return Output(efd), State(vm=d_vm, va=d_va, vr=d_vr, vf=d_vf)

@@ -24,7 +24,7 @@ NAME = "EXST3"
 ROLE = "exciter"
 LIMITS = {"vr": ("VRmin", "VRmax")}
 DYR = {"EXST3": "TR VImax VImin KJ TC TB KA TA VRmax VRmin KG KP KI Emax KC XL VGmax THETAP"}
-__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
+__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations"]
 
 
 class Par(NamedTuple):
@@ -77,29 +77,12 @@ class Input(NamedTuple):
 
 
 @inline
-def supply(u, v, p):
-    """Voltage VB of the rectifier (pu)."""
+def equations(x, u, v, p):
+    """Field voltage Efd = min(VR VB, Emax) (pu), and state derivatives (1/s)."""
+    vm, d_vm = lag(p.TR, u.vt, x.vm)
+    va, d_va = lead_lag(p.TC, p.TB, p.KJ * clip(u.Vref - vm + u.Vs, p.VImin, p.VImax), x.va)
+    vr = clip(x.vr if p.TA >= SHORT else p.KA * va, p.VRmin, p.VRmax)
     ve = p.KP * u.ve if p.KI == 0 and p.XL == 0 else compound(v, u, p.KP, p.THETAP, p.KI, p.XL)
-    return rectified(ve, p.KC, u.Ifd)
-
-
-@inline
-def demand(x, u, p):
-    """Control error, and the signal after the first stage (pu)."""
-    error = p.KJ * clip(u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs, p.VImin, p.VImax)
-    return error, lead_lag(p.TC, p.TB, error, x.va)
-
-
-@inline
-def output(x, u, v, p):
-    """Field voltage Efd = min(VR VB, Emax) (pu)."""
-    vr = clip(x.vr if p.TA >= SHORT else p.KA * demand(x, u, p)[1], p.VRmin, p.VRmax)
-    return Output(clip(vr * supply(u, v, p), -p.Emax, p.Emax))
-
-
-@inline
-def derivatives(x, u, y, p):
-    """State derivatives (1/s); y is this exciter's own output."""
-    error, first = demand(x, u, p)
-    drive = p.KA * (first - clip(p.KG * y.Efd, -p.VGmax, p.VGmax))
-    return State(lag_rate(p.TR, u.vt, x.vm), lag_rate(p.TB, error, x.va), lag_rate(p.TA, drive, x.vr))
+    efd = clip(vr * rectified(ve, p.KC, u.Ifd), -p.Emax, p.Emax)
+    d_vr = lag_rate(p.TA, p.KA * (va - clip(p.KG * efd, -p.VGmax, p.VGmax)), x.vr)
+    return Output(efd), State(vm=d_vm, va=d_va, vr=d_vr)

@@ -18,7 +18,7 @@ from annotated_types import Ge
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import clip, derivative, field_demand, lag, lag_rate
+from stabctl.devices.blocks import clip, derivative, field_demand, lag
 
 from . import dc, shared
 from .dc import automatic, output
@@ -70,15 +70,11 @@ class State(NamedTuple):
 @inline
 def derivatives(x, u, p):
     """State derivatives (1/s)."""
-    damping = derivative(p.KF, p.TF, x.efd, x.vf)
-    wanted = p.KA * (u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs - damping)
-    vr = clip(lag(p.TA, wanted, x.vr), p.VRmin, p.VRmax)
-    return State(
-        lag_rate(p.TR, u.vt, x.vm),
-        lag_rate(p.TA, wanted, x.vr),
-        (vr - field_demand(x.efd, p.KE, p.SA, p.SB)) / p.TE,
-        lag_rate(p.TF, x.efd, x.vf),
-    )
+    vf, d_vf = derivative(p.KF, p.TF, x.efd, x.vf)
+    vm, d_vm = lag(p.TR, u.vt, x.vm)
+    vr, d_vr = lag(p.TA, p.KA * (u.Vref - vm + u.Vs - vf), x.vr)
+    d_efd = (clip(vr, p.VRmin, p.VRmax) - field_demand(x.efd, p.KE, p.SA, p.SB)) / p.TE
+    return State(vm=d_vm, vr=d_vr, efd=d_efd, vf=d_vf)
 
 
 def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:

@@ -17,7 +17,7 @@ from annotated_types import Ge
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import SHORT, clip, derivative, field_demand, lag, lag_rate
+from stabctl.devices.blocks import SHORT, clip, derivative, field_demand, lag
 
 from . import dc, shared
 from .dc import automatic, output
@@ -73,16 +73,12 @@ class State(NamedTuple):
 @inline
 def derivatives(x, u, p):
     """State derivatives (1/s)."""
-    vr = clip(x.vr, p.VRmin, p.VRmax)
-    change = derivative(p.KF, p.TF1, vr, x.vf)
-    wanted = p.KA * (u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs - lag(p.TF2, change, x.damping))
-    return State(
-        lag_rate(p.TR, u.vt, x.vm),
-        lag_rate(p.TA, wanted, x.vr),
-        (clip(lag(p.TA, wanted, x.vr), p.VRmin, p.VRmax) - field_demand(x.efd, p.KE, p.SA, p.SB)) / p.TE,
-        lag_rate(p.TF1, vr, x.vf),
-        lag_rate(p.TF2, change, x.damping),
-    )
+    vf, d_vf = derivative(p.KF, p.TF1, clip(x.vr, p.VRmin, p.VRmax), x.vf)
+    damping, d_damping = lag(p.TF2, vf, x.damping)
+    vm, d_vm = lag(p.TR, u.vt, x.vm)
+    vr, d_vr = lag(p.TA, p.KA * (u.Vref - vm + u.Vs - damping), x.vr)
+    d_efd = (clip(vr, p.VRmin, p.VRmax) - field_demand(x.efd, p.KE, p.SA, p.SB)) / p.TE
+    return State(vm=d_vm, vr=d_vr, efd=d_efd, vf=d_vf, damping=d_damping)
 
 
 def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:

@@ -13,7 +13,7 @@ from annotated_types import Interval
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import clip, crowbar, lag, lag_rate, lead_lag
+from stabctl.devices.blocks import clip, crowbar, lag, lead_lag
 
 from .shared import LoadedInput as Input
 from .shared import Output
@@ -22,7 +22,7 @@ NAME = "SCRX"
 ROLE = "exciter"
 LIMITS = {"vr": ("Emin", "Emax")}
 DYR = {"SCRX": "TA_over_TB TB K TE Emin Emax switch resistor"}
-__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "from_record", "output"]
+__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record"]
 
 
 class Par(NamedTuple):
@@ -46,24 +46,13 @@ class State(NamedTuple):
 
 
 @inline
-def demand(x, u, p):
-    """Control error, and the regulator output it demands (pu)."""
-    error = u.Vref - u.vt + u.Vs
-    return error, p.K * lead_lag(p.TC, p.TB, error, x.va)
-
-
-@inline
-def output(x, u, p):
-    """Field voltage Efd (pu)."""
-    vr = clip(lag(p.TE, demand(x, u, p)[1], x.vr), p.Emin, p.Emax)
-    return Output(crowbar(vr * u.vt if p.switch == 0 else vr, u.Ifd, p.resistor))
-
-
-@inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
-    error, wanted = demand(x, u, p)
-    return State(lag_rate(p.TB, error, x.va), lag_rate(p.TE, wanted, x.vr))
+def equations(x, u, p):
+    """Field voltage Efd (pu), and state derivatives (1/s)."""
+    va, d_va = lead_lag(p.TC, p.TB, u.Vref - u.vt + u.Vs, x.va)
+    vr, d_vr = lag(p.TE, p.K * va, x.vr)
+    vr = clip(vr, p.Emin, p.Emax)
+    efd = crowbar(vr * u.vt if p.switch == 0 else vr, u.Ifd, p.resistor)
+    return Output(efd), State(va=d_va, vr=d_vr)
 
 
 def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:

@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag
+from stabctl.devices.blocks import clip, lag, lead_lag
 
 from .shared import Input, Output
 
@@ -19,7 +19,7 @@ NAME = "SEXS"
 ROLE = "exciter"
 LIMITS = {"efd": ("Efdmin", "Efdmax")}
 DYR = {"SEXS": "TA_over_TB TB K TE EMIN EMAX"}
-__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "from_record", "output"]
+__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record"]
 
 
 class Par(NamedTuple):
@@ -43,24 +43,12 @@ class State(NamedTuple):
 
 
 @inline
-def demand(x, u, p):
-    """Control error, and the field voltage it demands (pu)."""
-    error = u.Vref - lag(p.TR, u.vt, x.vm) + u.Vs
-    return error, p.KA * lead_lag(p.TC, p.TB, error, x.va)
-
-
-@inline
-def output(x, u, p):
-    """Field voltage Efd (pu)."""
-    error, wanted = demand(x, u, p)
-    return Output(clip(lag(p.TA, wanted, x.efd), p.Efdmin, p.Efdmax))
-
-
-@inline
-def derivatives(x, u, y, p):
-    """State derivatives (1/s); y is this exciter's own output."""
-    error, wanted = demand(x, u, p)
-    return State(lag_rate(p.TR, u.vt, x.vm), lag_rate(p.TB, error, x.va), lag_rate(p.TA, wanted, x.efd))
+def equations(x, u, p):
+    """Field voltage Efd (pu), and state derivatives (1/s)."""
+    vm, d_vm = lag(p.TR, u.vt, x.vm)
+    va, d_va = lead_lag(p.TC, p.TB, u.Vref - vm + u.Vs, x.va)
+    efd, d_efd = lag(p.TA, p.KA * va, x.efd)
+    return Output(clip(efd, p.Efdmin, p.Efdmax)), State(vm=d_vm, va=d_va, efd=d_efd)
 
 
 def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:

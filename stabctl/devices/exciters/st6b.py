@@ -16,7 +16,7 @@ from annotated_types import Ge
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE
-from stabctl.devices.blocks import at_least, clip, derivative, integral, lag, lag_rate, low_value, pi, pi_rate
+from stabctl.devices.blocks import at_least, clip, derivative, integral, lag, lag_rate, low_value, pi
 
 from .shared import LoadedInput as Input
 from .shared import Output
@@ -25,7 +25,7 @@ NAME = "ST6B"
 ROLE = "exciter"
 UPPER = ("ILR",)
 DYR = {"ST6B": "_OEL TR KPA KIA KDA TDA VAmax VAmin KFF KM KCI KLR ILR VRmax VRmin KG TG"}
-__all__ = ["DYR", "NAME", "ROLE", "UPPER", "Input", "Output", "Par", "State", "derivatives", "guess", "output"]
+__all__ = ["DYR", "NAME", "ROLE", "UPPER", "Input", "Output", "Par", "State", "equations", "guess"]
 
 
 class Par(NamedTuple):
@@ -66,31 +66,16 @@ class State(NamedTuple):
 
 
 @inline
-def compared(x, u, p):
-    """Measured voltage, and control error (pu)."""
-    vm = lag(p.TR, u.vt, x.vm)
-    return vm, u.Vref - vm + u.Vs
-
-
-@inline
-def output(x, u, p):
-    """Field voltage Efd = VR Vm (pu)."""
-    vm, error = compared(x, u, p)
-    va = pi(p.KPA, error, integral(p.KIA, x.vi), p.VAmin, p.VAmax) + derivative(p.KDA, p.TDA, error, x.vd)
+def equations(x, u, p):
+    """Field voltage Efd = VR Vm (pu), and state derivatives (1/s)."""
+    vm, d_vm = lag(p.TR, u.vt, x.vm)
+    error = u.Vref - vm + u.Vs
+    vi, d_vi = pi(p.KPA, p.KIA, error, integral(p.KIA, x.vi), p.VAmin, p.VAmax)
+    vd, d_vd = derivative(p.KDA, p.TDA, error, x.vd)
+    va = vi + vd
     vr = clip(p.KFF * va + p.KM * (va - x.vg), p.VRmin, p.VRmax)
-    return Output(vm * low_value(vr, at_least(p.KLR * (p.KCI * p.ILR - u.Ifd), p.VRmin)))
-
-
-@inline
-def derivatives(x, u, y, p):
-    """State derivatives (1/s); y is this exciter's own output."""
-    _, error = compared(x, u, p)
-    return State(
-        lag_rate(p.TR, u.vt, x.vm),
-        pi_rate(p.KPA, p.KIA, error, integral(p.KIA, x.vi), p.VAmin, p.VAmax),
-        lag_rate(p.TDA, error, x.vd),
-        lag_rate(p.TG, p.KG * y.Efd, x.vg),
-    )
+    efd = vm * low_value(vr, at_least(p.KLR * (p.KCI * p.ILR - u.Ifd), p.VRmin))
+    return Output(efd), State(vm=d_vm, vi=d_vi, vd=d_vd, vg=lag_rate(p.TG, p.KG * efd, x.vg))
 
 
 def guess(V, I, p):

@@ -18,18 +18,7 @@ from annotated_types import Interval
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import (
-    at_most,
-    clip,
-    compound,
-    integral,
-    lag,
-    lag_rate,
-    magnitude,
-    pi,
-    pi_rate,
-    rectified,
-)
+from stabctl.devices.blocks import at_most, clip, compound, integral, lag, magnitude, pi, rectified
 
 from .shared import CompoundInput as Input
 from .shared import Output
@@ -41,7 +30,7 @@ DYR = {
     "ST8C": "+SW1 _UEL _OEL _SCL TR KPR KIR VPImax VPImin KPA KIA VAmax VAmin KA TA VRmax VRmin KF TF KC1 KP KI1 XL "
     "THETAP VB1max KC2 KI2 VB2max",
 }
-__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "from_record", "output"]
+__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record"]
 
 
 class Par(NamedTuple):
@@ -91,41 +80,18 @@ class State(NamedTuple):
 
 
 @inline
-def errors(x, u, p):
-    """Errors of voltage and of field current (pu)."""
-    error = u.Vref - lag(p.TR, u.vt, x.vc) + u.Vs
-    wanted = pi(p.KPR, error, integral(p.KIR, x.xr), p.VPImin, p.VPImax)
-    return error, wanted - lag(p.TF, p.KF * u.Ifd, x.ifd)
-
-
-@inline
-def bridge(x, error, p):
-    """Signal that the bridge receives (pu)."""
-    return p.KA * pi(p.KPA, error, integral(p.KIA, x.xa), p.VAmin, p.VAmax)
-
-
-@inline
-def output(x, u, v, p):
-    """Field voltage Efd = VA VB1 + VB2 (pu)."""
-    va = clip(lag(p.TA, bridge(x, errors(x, u, p)[1], p), x.va), p.VRmin, p.VRmax)
+def equations(x, u, v, p):
+    """Field voltage Efd = VA VB1 + VB2 (pu), and state derivatives (1/s)."""
+    vc, d_vc = lag(p.TR, u.vt, x.vc)
+    ifd, d_ifd = lag(p.TF, p.KF * u.Ifd, x.ifd)
+    wanted, d_xr = pi(p.KPR, p.KIR, u.Vref - vc + u.Vs, integral(p.KIR, x.xr), p.VPImin, p.VPImax)
+    drive, d_xa = pi(p.KPA, p.KIA, wanted - ifd, integral(p.KIA, x.xa), p.VAmin, p.VAmax)
+    va, d_va = lag(p.TA, p.KA * drive, x.va)
     ve = p.KP + 0 * u.vt if p.SW1 == 0 else compound(v, u, p.KP, p.THETAP, p.KI1, p.XL)
-    efd = va * at_most(rectified(ve, p.KC1, u.Ifd), p.VB1max)
+    efd = clip(va, p.VRmin, p.VRmax) * at_most(rectified(ve, p.KC1, u.Ifd), p.VB1max)
     if p.KI2 > 0:
         efd = efd + at_most(rectified(p.KI2 * magnitude(u.id, u.iq), p.KC2, u.Ifd), p.VB2max)
-    return Output(efd)
-
-
-@inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
-    of_voltage, of_current = errors(x, u, p)
-    return State(
-        lag_rate(p.TR, u.vt, x.vc),
-        pi_rate(p.KPR, p.KIR, of_voltage, integral(p.KIR, x.xr), p.VPImin, p.VPImax),
-        pi_rate(p.KPA, p.KIA, of_current, integral(p.KIA, x.xa), p.VAmin, p.VAmax),
-        lag_rate(p.TA, bridge(x, of_current, p), x.va),
-        lag_rate(p.TF, p.KF * u.Ifd, x.ifd),
-    )
+    return Output(efd), State(vc=d_vc, xr=d_xr, xa=d_xa, va=d_va, ifd=d_ifd)
 
 
 def from_record(kind: str, values: dict[str, Any]) -> tuple[Par, list[str]]:

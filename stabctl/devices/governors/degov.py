@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import clip, delay2, delay2_rates, second_order, second_order_rates
+from stabctl.devices.blocks import clip, delay2, second_order
 
 from .shared import Output
 
@@ -21,7 +21,7 @@ ROLE = "governor"
 LIMITS = {"throttle": ("Tmin", "Tmax")}
 DYR = {"DEGOV": "T1 T2 T3 K T4 T5 T6 TD Tmax Tmin"}
 SECTIONS = 4  # of the delay
-__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "delayed", "derivatives", "output"]
+__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "delayed", "equations"]
 
 
 class Par(NamedTuple):
@@ -65,40 +65,26 @@ class Input(NamedTuple):
 
 @inline
 def delayed(TD, throttle, x):
-    """Throttle after each section of the delay."""
+    """Throttle after the delay, and state derivatives (1/s) of its sections."""
     T = TD / SECTIONS
-    one = delay2(T, throttle, x.d1, x.d1_rate)
-    two = delay2(T, one, x.d2, x.d2_rate)
-    three = delay2(T, two, x.d3, x.d3_rate)
-    return one, two, three, delay2(T, three, x.d4, x.d4_rate)
-
-
-@inline
-def delay_rates(TD, throttle, x):
-    """State derivatives (1/s) of the delay."""
-    T = TD / SECTIONS
-    one, two, three, _ = delayed(TD, throttle, x)
-    first, second = delay2_rates(T, throttle, x.d1, x.d1_rate), delay2_rates(T, one, x.d2, x.d2_rate)
-    return first + second + delay2_rates(T, two, x.d3, x.d3_rate) + delay2_rates(T, three, x.d4, x.d4_rate)
+    one, d1, dd1 = delay2(T, throttle, x.d1, x.d1_rate)
+    two, d2, dd2 = delay2(T, one, x.d2, x.d2_rate)
+    three, d3, dd3 = delay2(T, two, x.d3, x.d3_rate)
+    four, d4, dd4 = delay2(T, three, x.d4, x.d4_rate)
+    return four, (d1, dd1, d2, dd2, d3, dd3, d4, dd4)
 
 
 @inline
 def actuator(p, error, x):
-    """Signal of the control box and rate of the throttle (1/s)."""
-    box = second_order(p.T3, 0.0, p.T1, p.T1 * p.T2, error, x.box, x.box_rate)
-    return box, p.K * second_order(p.T4, 0.0, p.T5 + p.T6, p.T5 * p.T6, box, x.drive, x.drive_rate)
+    """State derivatives (1/s) of the control box, of the drive and of the throttle."""
+    box, d_box, dd_box = second_order(p.T3, 0.0, p.T1, p.T1 * p.T2, error, x.box, x.box_rate)
+    drive, d_drive, dd_drive = second_order(p.T4, 0.0, p.T5 + p.T6, p.T5 * p.T6, box, x.drive, x.drive_rate)
+    return d_box, dd_box, d_drive, dd_drive, p.K * drive
 
 
 @inline
-def output(x, omega, p):
-    """Mechanical power (pu machine)."""
-    return Output(delayed(p.TD, clip(x.throttle, p.Tmin, p.Tmax), x)[3] * omega)
-
-
-@inline
-def derivatives(x, omega, p):
-    """State derivatives (1/s)."""
-    box, rate = actuator(p, 1 - omega, x)
-    first = second_order_rates(p.T1, p.T1 * p.T2, 1 - omega, x.box, x.box_rate)
-    second = second_order_rates(p.T5 + p.T6, p.T5 * p.T6, box, x.drive, x.drive_rate)
-    return State(*(first + second + (rate,) + delay_rates(p.TD, x.throttle, x)))
+def equations(x, omega, p):
+    """Mechanical power (pu machine), and state derivatives (1/s)."""
+    torque, _ = delayed(p.TD, clip(x.throttle, p.Tmin, p.Tmax), x)
+    _, sections = delayed(p.TD, x.throttle, x)
+    return Output(torque * omega), State(*(actuator(p, 1 - omega, x) + sections))

@@ -13,9 +13,9 @@ from annotated_types import Interval
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import clip, lag, lag_rate, second_order_rates
+from stabctl.devices.blocks import clip, lag
 
-from .degov import actuator, delay_rates, delayed
+from .degov import actuator, delayed
 from .shared import Metered as Input
 from .shared import Output
 
@@ -64,24 +64,17 @@ class State(NamedTuple):
 
 
 @inline
-def error(x, u, p):
-    """Control error (pu)."""
-    feedback = lag(p.TE, u.P, x.power) if p.M == 1 else clip(x.throttle, p.Tmin, p.Tmax)
-    return u.Pref - (u.omega - 1) - p.DROOP * feedback
-
-
-@inline
 def output(x, omega, p):
     """Mechanical power (pu machine)."""
-    return Output(delayed(p.TD, clip(x.throttle, p.Tmin, p.Tmax), x)[3] * omega)
+    torque, _ = delayed(p.TD, clip(x.throttle, p.Tmin, p.Tmax), x)
+    return Output(torque * omega)
 
 
 @inline
 def derivatives(x, u, p):
     """State derivatives (1/s)."""
-    e = error(x, u, p)
-    box, rate = actuator(p, e, x)
-    first = second_order_rates(p.T1, p.T1 * p.T2, e, x.box, x.box_rate)
-    second = second_order_rates(p.T5 + p.T6, p.T5 * p.T6, box, x.drive, x.drive_rate)
-    power = lag_rate(p.TE, u.P, x.power)
-    return State(*(first + second + (rate,) + delay_rates(p.TD, x.throttle, x) + (power,)))
+    power, d_power = lag(p.TE, u.P, x.power)
+    feedback = power if p.M == 1 else clip(x.throttle, p.Tmin, p.Tmax)
+    error = u.Pref - (u.omega - 1) - p.DROOP * feedback
+    _, sections = delayed(p.TD, x.throttle, x)
+    return State(*(actuator(p, error, x) + sections + (d_power,)))

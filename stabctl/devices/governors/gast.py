@@ -14,7 +14,7 @@ from annotated_types import Ge
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import clip, lag, lag_rate, low_value
+from stabctl.devices.blocks import clip, lag, low_value
 
 from .shared import Input, Output
 
@@ -23,7 +23,7 @@ ROLE = "governor"
 LIMITS = {"valve": ("Vmin", "Vmax")}
 UPPER = ("AT",)
 DYR = {"GAST": "R T1 T2 T3 AT KT Vmax Vmin Dturb"}
-__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "UPPER", "Input", "Output", "Par", "State", "derivatives", "output"]
+__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "UPPER", "Input", "Output", "Par", "State", "equations"]
 
 
 class Par(NamedTuple):
@@ -49,26 +49,10 @@ class State(NamedTuple):
 
 
 @inline
-def demand(x, u, p):
-    """The smaller of the demands of speed and temperature (pu)."""
-    return low_value(u.Pref - (u.omega - 1) / p.R, p.AT + p.KT * (p.AT - x.heat))
-
-
-@inline
-def valve(x, u, p):
-    """Valve position (pu)."""
-    return clip(lag(p.T1, demand(x, u, p), x.valve), p.Vmin, p.Vmax)
-
-
-@inline
-def output(x, u, p):
-    """Mechanical power (pu machine)."""
-    return Output(lag(p.T2, valve(x, u, p), x.flow) - p.Dturb * (u.omega - 1))
-
-
-@inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
-    position = valve(x, u, p)
-    flow = lag(p.T2, position, x.flow)
-    return State(lag_rate(p.T1, demand(x, u, p), x.valve), lag_rate(p.T2, position, x.flow), (flow - x.heat) / p.T3)
+def equations(x, u, p):
+    """Mechanical power (pu machine), and state derivatives (1/s)."""
+    demand = low_value(u.Pref - (u.omega - 1) / p.R, p.AT + p.KT * (p.AT - x.heat))
+    valve, d_valve = lag(p.T1, demand, x.valve)
+    flow, d_flow = lag(p.T2, clip(valve, p.Vmin, p.Vmax), x.flow)
+    d_heat = (flow - x.heat) / p.T3
+    return Output(flow - p.Dturb * (u.omega - 1)), State(valve=d_valve, flow=d_flow, heat=d_heat)

@@ -27,7 +27,6 @@ from stabctl.devices.blocks import (
     clip,
     deadband,
     delay2,
-    delay2_rates,
     derivative,
     integral,
     lag,
@@ -131,23 +130,13 @@ def prepare(p: Par) -> Par:
 
 @inline
 def governor(x, u, p):
-    """Derivative part, and request fsrn of the governor (pu)."""
-    pe = lag(p.Tpelec, u.P * p.base / p.Trate, x.pe)
+    """Derivative part and request fsrn of the governor (pu), and the derivatives (1/s) of pe, of lagged and of load."""
+    pe, d_pe = lag(p.Tpelec, u.P * p.base / p.Trate, x.pe)
     y = pe if p.select == 1 else x.ago if p.select == -1 else x.valve if p.select == -2 else 0 * x.valve
     e = clip(deadband(u.Pref + integral(p.Kimw, x.load) - p.R * y - (u.omega - 1), -p.db, p.db), p.errmin, p.errmax)
-    part = derivative(p.Kdgov, p.Tdgov, e, x.lagged)
-    return e, part, p.Kpgov * e + part + integral(p.Kigov, x.gov)
-
-
-@inline
-def request(x, u, p):
-    """fsr, the least request within the valve limits (pu)."""
-    fsr = governor(x, u, p)[2]
-    if p.Kpload > 0:
-        fsr = low_value(fsr, p.Kpload * (p.Ldref / p.Kturb + p.Wfnl - x.exhaust) + x.limiter)
-    if p.Ka > 0:
-        fsr = low_value(fsr, x.ago + AGO * p.Ka * (p.Aset - derivative(1.0, p.Ta, u.omega, x.swing)))
-    return clip(fsr, p.Vmin, p.Vmax)
+    part, d_lagged = derivative(p.Kdgov, p.Tdgov, e, x.lagged)
+    d_load = p.Kimw * (u.Pref / p.R - pe) if p.Kimw > 0 else 0 * x.load
+    return part, p.Kpgov * e + part + integral(p.Kigov, x.gov), d_pe, d_lagged, d_load
 
 
 @inline
@@ -159,36 +148,40 @@ def flow(x, omega, p):
 @inline
 def output(x, omega, p):
     """Mechanical power (pu machine)."""
-    generated = delay2(p.Teng, p.Kturb * (flow(x, omega, p) - p.Wfnl), x.delayed, x.ddelayed)
-    turbine = lead_lag(p.Tc, p.Tb, generated, x.turbine)
+    generated, _, _ = delay2(p.Teng, p.Kturb * (flow(x, omega, p) - p.Wfnl), x.delayed, x.ddelayed)
+    turbine, _ = lead_lag(p.Tc, p.Tb, generated, x.turbine)
     damping = p.Dm * (omega - 1) if p.Dm > 0 else 0 * omega
     return Output((turbine - damping) * p.Trate / p.base)
 
 
 @inline
 def derivatives(x, u, p):
-    """State derivatives (1/s)."""
-    e, part, _ = governor(x, u, p)
-    fsr, q = request(x, u, p), flow(x, u.omega, p)
-    hot = q * power(u.omega, p.Dm) if p.Dm < 0 else q
-    generated = p.Kturb * (q - p.Wfnl)
-    d, dd = delay2_rates(p.Teng, generated, x.delayed, x.ddelayed)
-    after = delay2(p.Teng, generated, x.delayed, x.ddelayed)
-    pe = u.P * p.base / p.Trate
+    """State derivatives (1/s); fsr is the least request within the valve limits."""
+    part, fsr, d_pe, d_lagged, d_load = governor(x, u, p)
+    if p.Kpload > 0:
+        fsr = low_value(fsr, p.Kpload * (p.Ldref / p.Kturb + p.Wfnl - x.exhaust) + x.limiter)
+    acceleration, d_swing = derivative(1.0, p.Ta, u.omega, x.swing)
+    if p.Ka > 0:
+        fsr = low_value(fsr, x.ago + AGO * p.Ka * (p.Aset - acceleration))
+    fsr = clip(fsr, p.Vmin, p.Vmax)
+
+    q = flow(x, u.omega, p)
+    after, d_delayed, d_ddelayed = delay2(p.Teng, p.Kturb * (q - p.Wfnl), x.delayed, x.ddelayed)
+    hot, d_detected = lead_lag(p.Tsa, p.Tsb, q * power(u.omega, p.Dm) if p.Dm < 0 else q, x.detected)
     return State(
-        lag_rate(p.Tpelec, pe, x.pe),
-        lag_rate(p.Tdgov, e, x.lagged),
-        p.Kigov / p.Kpgov * (fsr - part - x.gov),
-        rate_limit((fsr - x.valve) / p.Tact, p.Rmin, p.Rmax),
-        d,
-        dd,
-        lag_rate(p.Tb, after, x.turbine),
-        lag_rate(p.Tsb, hot, x.detected),
-        lag_rate(p.Tfload, lead_lag(p.Tsa, p.Tsb, hot, x.detected), x.exhaust),
-        p.Kiload / p.Kpload * (fsr - x.limiter) if p.Kpload > 0 else 0 * x.limiter,
-        p.Kimw * (u.Pref / p.R - lag(p.Tpelec, pe, x.pe)) if p.Kimw > 0 else 0 * x.load,
-        lag_rate(p.Ta, u.omega, x.swing),
-        (fsr - x.ago) / AGO,
+        pe=d_pe,
+        lagged=d_lagged,
+        gov=p.Kigov / p.Kpgov * (fsr - part - x.gov),
+        valve=rate_limit((fsr - x.valve) / p.Tact, p.Rmin, p.Rmax),
+        delayed=d_delayed,
+        ddelayed=d_ddelayed,
+        turbine=lag_rate(p.Tb, after, x.turbine),
+        detected=d_detected,
+        exhaust=lag_rate(p.Tfload, hot, x.exhaust),
+        limiter=p.Kiload / p.Kpload * (fsr - x.limiter) if p.Kpload > 0 else 0 * x.limiter,
+        load=d_load,
+        swing=d_swing,
+        ago=(fsr - x.ago) / AGO,
     )
 
 

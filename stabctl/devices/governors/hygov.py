@@ -57,7 +57,7 @@ class State(NamedTuple):
 @inline
 def opening(x, p):
     """Gate opening and head (pu)."""
-    gate = lag(p.Tg, clip(x.desired, p.Gmin, p.Gmax), x.gate)
+    gate, _ = lag(p.Tg, clip(x.desired, p.Gmin, p.Gmax), x.gate)
     return gate, (x.flow / gate) * (x.flow / gate)
 
 
@@ -72,10 +72,7 @@ def output(x, omega, p):
 def derivatives(x, u, p):
     """State derivatives (1/s)."""
     _, head = opening(x, p)
-    error = (u.Pref - (u.omega - 1) - p.R * x.desired - x.error) / p.Tf
-    return State(
-        error,
-        rate_limit((x.error + p.Tr * error) / (p.r * p.Tr), -p.VELM, p.VELM),
-        lag_rate(p.Tg, x.desired, x.gate),
-        (1 - head) / p.Tw,
-    )
+    d_error = (u.Pref - (u.omega - 1) - p.R * x.desired - x.error) / p.Tf
+    d_desired = rate_limit((x.error + p.Tr * d_error) / (p.r * p.Tr), -p.VELM, p.VELM)
+    d_gate = lag_rate(p.Tg, x.desired, x.gate)
+    return State(error=d_error, desired=d_desired, gate=d_gate, flow=(1 - head) / p.Tw)

@@ -88,31 +88,26 @@ def from_record(kind: str, values: dict[str, Any]) -> tuple[Par, list[str]]:
 
 @inline
 def stages(x, p):
-    """Outputs of the four stages (pu)."""
-    one = lag(p.T4, clip(x.valve, p.Pmin, p.Pmax), x.one)
-    two = lag(p.T5, one, x.two)
-    three = lag(p.T6, two, x.three)
-    return one, two, three, lag(p.T7, three, x.four)
+    """Outputs of the four stages (pu), and the derivatives (1/s) of all but the first."""
+    one, _ = lag(p.T4, clip(x.valve, p.Pmin, p.Pmax), x.one)
+    two, d_two = lag(p.T5, one, x.two)
+    three, d_three = lag(p.T6, two, x.three)
+    four, d_four = lag(p.T7, three, x.four)
+    return (one, two, three, four), (d_two, d_three, d_four)
 
 
 @inline
 def output(x, p):
     """Mechanical power (pu machine)."""
-    one, two, three, four = stages(x, p)
+    (one, two, three, four), _ = stages(x, p)
     return Output((p.K1 + p.K2) * one + (p.K3 + p.K4) * two + (p.K5 + p.K6) * three + (p.K7 + p.K8) * four)
 
 
 @inline
 def derivatives(x, u, p):
     """State derivatives (1/s)."""
-    one, two, three, _ = stages(x, p)
-    slip = u.omega - 1
-    demand = u.Pref - p.K * lead_lag(p.T2, p.T1, slip, x.governor)
-    return State(
-        lag_rate(p.T1, slip, x.governor),
-        rate_limit((demand - x.valve) / p.T3, p.Umin, p.Umax),
-        lag_rate(p.T4, x.valve, x.one),
-        lag_rate(p.T5, one, x.two),
-        lag_rate(p.T6, two, x.three),
-        lag_rate(p.T7, three, x.four),
-    )
+    signal, d_governor = lead_lag(p.T2, p.T1, u.omega - 1, x.governor)
+    d_valve = rate_limit((u.Pref - p.K * signal - x.valve) / p.T3, p.Umin, p.Umax)
+    _, (d_two, d_three, d_four) = stages(x, p)
+    d_one = lag_rate(p.T4, x.valve, x.one)
+    return State(governor=d_governor, valve=d_valve, one=d_one, two=d_two, three=d_three, four=d_four)

@@ -53,26 +53,19 @@ class State(NamedTuple):
 
 
 @inline
-def drive(x, u, p):
-    """Input of the pilot valve (pu/s)."""
-    gate = clip(x.gate, p.Pmin, p.Pmax)
-    return (u.Pref - (u.omega - 1) - p.sigma * gate - p.delta * washout(p.TR, gate, x.dashpot)) / p.TG
-
-
-@inline
 def output(x, p):
     """Mechanical power (pu machine)."""
     lead = (p.a11 - p.a13 * p.a21 / p.a23) * p.TW
-    return Output(p.a23 * lead_lag(lead, p.a11 * p.TW, clip(x.gate, p.Pmin, p.Pmax), x.turbine))
+    power, _ = lead_lag(lead, p.a11 * p.TW, clip(x.gate, p.Pmin, p.Pmax), x.turbine)
+    return Output(p.a23 * power)
 
 
 @inline
 def derivatives(x, u, p):
     """State derivatives (1/s)."""
-    wanted = drive(x, u, p)
-    return State(
-        lag_rate(p.TP, wanted, x.pilot),
-        clip(lag(p.TP, wanted, x.pilot), p.Umin, p.Umax),
-        lag_rate(p.TR, x.gate, x.dashpot),
-        lag_rate(p.a11 * p.TW, x.gate, x.turbine),
-    )
+    gate = clip(x.gate, p.Pmin, p.Pmax)
+    transient, _ = washout(p.TR, gate, x.dashpot)
+    drive = (u.Pref - (u.omega - 1) - p.sigma * gate - p.delta * transient) / p.TG
+    pilot, d_pilot = lag(p.TP, drive, x.pilot)
+    d_dashpot, d_turbine = lag_rate(p.TR, x.gate, x.dashpot), lag_rate(p.a11 * p.TW, x.gate, x.turbine)
+    return State(pilot=d_pilot, gate=clip(pilot, p.Umin, p.Umax), dashpot=d_dashpot, turbine=d_turbine)

@@ -11,14 +11,14 @@ from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE
-from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag
+from stabctl.devices.blocks import clip, lag, lead_lag
 
 from .shared import Input, Output
 
 NAME = "IEESGO"
 ROLE = "governor"
 DYR = {"IEESGO": "T1 T2 T3 T4 T5 T6 K1 K2 K3 Pmax Pmin"}
-__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
+__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations"]
 
 
 class Par(NamedTuple):
@@ -48,30 +48,12 @@ class State(NamedTuple):
 
 
 @inline
-def stages(x, u, p):
-    """Speed signal, power demand and outputs of the three stages (pu)."""
-    signal = lead_lag(p.T2, p.T1, p.K1 * (u.omega - 1), x.controller)
-    demand = clip(u.Pref - lag(p.T3, signal, x.governor), p.Pmin, p.Pmax)
-    one = lag(p.T4, demand, x.one)
-    two = lag(p.T5, one, x.two)
-    return signal, demand, one, two, lag(p.T6, two, x.three)
-
-
-@inline
-def output(x, u, p):
-    """Mechanical power (pu machine)."""
-    _, _, one, two, three = stages(x, u, p)
-    return Output((1 - p.K2) * one + p.K2 * (1 - p.K3) * two + p.K2 * p.K3 * three)
-
-
-@inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
-    signal, demand, one, two, _ = stages(x, u, p)
-    return State(
-        lag_rate(p.T1, p.K1 * (u.omega - 1), x.controller),
-        lag_rate(p.T3, signal, x.governor),
-        lag_rate(p.T4, demand, x.one),
-        lag_rate(p.T5, one, x.two),
-        lag_rate(p.T6, two, x.three),
-    )
+def equations(x, u, p):
+    """Mechanical power (pu machine), and state derivatives (1/s)."""
+    signal, d_controller = lead_lag(p.T2, p.T1, p.K1 * (u.omega - 1), x.controller)
+    signal, d_governor = lag(p.T3, signal, x.governor)
+    one, d_one = lag(p.T4, clip(u.Pref - signal, p.Pmin, p.Pmax), x.one)
+    two, d_two = lag(p.T5, one, x.two)
+    three, d_three = lag(p.T6, two, x.three)
+    power = (1 - p.K2) * one + p.K2 * (1 - p.K3) * two + p.K2 * p.K3 * three
+    return Output(power), State(controller=d_controller, governor=d_governor, one=d_one, two=d_two, three=d_three)

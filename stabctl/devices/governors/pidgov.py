@@ -74,13 +74,6 @@ class State(NamedTuple):
 
 
 @inline
-def error(x, u, p):
-    """Input of the droop filter, and control error (pu)."""
-    droop = p.Rperm * (u.Pref - (clip(x.gate, p.Gmin, p.Gmax) if p.feedback == 1 else u.P))
-    return droop, lag(p.Treg, droop, x.droop) - (u.omega - 1)
-
-
-@inline
 def head(x, p):
     """Power at the gate (pu)."""
     return polyline(clip(x.gate, p.Gmin, p.Gmax), (p.G0, p.G1, p.G2, 1.0), (0.0, p.P1, p.P2, p.P3))
@@ -90,22 +83,25 @@ def head(x, p):
 def output(x, omega, p):
     """Mechanical power (pu machine)."""
     Tz = p.Atw * p.Tw
-    return Output(lead_lag(-Tz, Tz / 2, head(x, p), x.water) - p.Dturb * (omega - 1))
+    power, _ = lead_lag(-Tz, Tz / 2, head(x, p), x.water)
+    return Output(power - p.Dturb * (omega - 1))
 
 
 @inline
 def derivatives(x, u, p):
     """State derivatives (1/s)."""
-    droop, e = error(x, u, p)
-    three = x.proportional + p.Kd / p.Ta * washout(p.Ta, e, x.derivative)
+    feedback = clip(x.gate, p.Gmin, p.Gmax) if p.feedback == 1 else u.P
+    droop, d_droop = lag(p.Treg, p.Rperm * (u.Pref - feedback), x.droop)
+    e = droop - (u.omega - 1)
+    fast, d_derivative = washout(p.Ta, e, x.derivative)
     return State(
-        lag_rate(p.Treg, droop, x.droop),
-        p.Ki * e,
-        lag_rate(p.Ta, p.Kp * e + x.integral, x.proportional),
-        lag_rate(p.Ta, e, x.derivative),
-        lag_rate(p.Ta, three, x.desired),
-        clip((x.desired - x.gate) / p.Tb, p.Velmin, p.Velmax),
-        lag_rate(p.Atw * p.Tw / 2, head(x, p), x.water),
+        droop=d_droop,
+        integral=p.Ki * e,
+        proportional=lag_rate(p.Ta, p.Kp * e + x.integral, x.proportional),
+        derivative=d_derivative,
+        desired=lag_rate(p.Ta, x.proportional + p.Kd / p.Ta * fast, x.desired),
+        gate=clip((x.desired - x.gate) / p.Tb, p.Velmin, p.Velmax),
+        water=lag_rate(p.Atw * p.Tw / 2, head(x, p), x.water),
     )
 
 

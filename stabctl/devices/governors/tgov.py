@@ -12,13 +12,13 @@ from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE
-from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag
+from stabctl.devices.blocks import clip, lag, lead_lag
 
 from .shared import Input, Output
 
 NAME = "TGOV"
 ROLE = "governor"
-__all__ = ["NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
+__all__ = ["NAME", "ROLE", "Input", "Output", "Par", "State", "equations"]
 
 
 class Par(NamedTuple):
@@ -43,22 +43,9 @@ class State(NamedTuple):
 
 
 @inline
-def stages(x, u, p):
-    """Demand, servo and gate (pu)."""
-    demand = clip(u.Pref + p.K * (1 - u.omega), p.Pmin, p.Pmax)
-    servo = lag(p.Ts, demand, x.servo)
-    return demand, servo, lead_lag(p.T3, p.Tc, servo, x.gate)
-
-
-@inline
-def output(x, u, p):
-    """Mechanical power (pu machine)."""
-    demand, servo, gate = stages(x, u, p)
-    return Output(lead_lag(p.T4, p.T5, gate, x.turbine))
-
-
-@inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
-    demand, servo, gate = stages(x, u, p)
-    return State(lag_rate(p.Ts, demand, x.servo), lag_rate(p.Tc, servo, x.gate), lag_rate(p.T5, gate, x.turbine))
+def equations(x, u, p):
+    """Mechanical power (pu machine), and state derivatives (1/s)."""
+    servo, d_servo = lag(p.Ts, clip(u.Pref + p.K * (1 - u.omega), p.Pmin, p.Pmax), x.servo)
+    gate, d_gate = lead_lag(p.T3, p.Tc, servo, x.gate)
+    power, d_turbine = lead_lag(p.T4, p.T5, gate, x.turbine)
+    return Output(power), State(servo=d_servo, gate=d_gate, turbine=d_turbine)

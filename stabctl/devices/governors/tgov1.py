@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag
+from stabctl.devices.blocks import clip, lag, lead_lag
 
 from .shared import Input, Output
 
@@ -19,7 +19,7 @@ NAME = "TGOV1"
 ROLE = "governor"
 LIMITS = {"valve": ("Vmin", "Vmax")}
 DYR = {"TGOV1": "R T1 Vmax Vmin T2 T3 Dt"}
-__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
+__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations"]
 
 
 class Par(NamedTuple):
@@ -42,21 +42,8 @@ class State(NamedTuple):
 
 
 @inline
-def stages(x, u, p):
-    """Power demand and valve position (pu)."""
-    demand = (u.Pref - (u.omega - 1)) / p.R
-    return demand, clip(lag(p.T1, demand, x.valve), p.Vmin, p.Vmax)
-
-
-@inline
-def output(x, u, p):
-    """Mechanical power (pu machine)."""
-    _, valve = stages(x, u, p)
-    return Output(lead_lag(p.T2, p.T3, valve, x.turbine) - p.Dt * (u.omega - 1))
-
-
-@inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
-    demand, valve = stages(x, u, p)
-    return State(lag_rate(p.T1, demand, x.valve), lag_rate(p.T3, valve, x.turbine))
+def equations(x, u, p):
+    """Mechanical power (pu machine), and state derivatives (1/s)."""
+    valve, d_valve = lag(p.T1, (u.Pref - (u.omega - 1)) / p.R, x.valve)
+    power, d_turbine = lead_lag(p.T2, p.T3, clip(valve, p.Vmin, p.Vmax), x.turbine)
+    return Output(power - p.Dt * (u.omega - 1)), State(valve=d_valve, turbine=d_turbine)

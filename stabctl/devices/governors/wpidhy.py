@@ -73,13 +73,6 @@ class State(NamedTuple):
 
 
 @inline
-def error(x, u, p):
-    """Input of the droop filter, and control error (pu)."""
-    droop = p.Reg * (u.P - u.Pref)
-    return droop, lag(p.Treg, droop, x.droop) - (u.omega - 1)
-
-
-@inline
 def head(x, p):
     """Power at the gate (pu)."""
     return polyline(clip(x.gate, p.Gatmin, p.Gatmax), (p.G0, p.G1, p.G2, 1.0), (0.0, p.P1, p.P2, p.P3))
@@ -88,23 +81,22 @@ def head(x, p):
 @inline
 def output(x, omega, p):
     """Mechanical power (pu machine)."""
-    return Output(clip(lead_lag(-p.Tw, p.Tw / 2, head(x, p), x.water), p.Pmin, p.Pmax) - p.D * (omega - 1))
+    power, _ = lead_lag(-p.Tw, p.Tw / 2, head(x, p), x.water)
+    return Output(clip(power, p.Pmin, p.Pmax) - p.D * (omega - 1))
 
 
 @inline
 def derivatives(x, u, p):
     """State derivatives (1/s)."""
-    droop, e = error(x, u, p)
+    droop, d_droop = lag(p.Treg, p.Reg * (u.P - u.Pref), x.droop)
+    e = droop - (u.omega - 1)
     Kp, Kd = p.Kp - p.Ta * p.Ki, p.Kd - p.Ta * (p.Kp - p.Ta * p.Ki)
-    three = Kp * e + x.integral + Kd / p.Ta * washout(p.Ta, e, x.derivative)
+    fast, d_derivative = washout(p.Ta, e, x.derivative)
+    d_one = lag_rate(p.Ta, Kp * e + x.integral + Kd / p.Ta * fast, x.one)
+    two, d_two = lag(p.Tb, x.one, x.two)
+    d_gate, d_water = clip(two, p.Velmin, p.Velmax), lag_rate(p.Tw / 2, head(x, p), x.water)
     return State(
-        lag_rate(p.Treg, droop, x.droop),
-        p.Ki * e,
-        lag_rate(p.Ta, e, x.derivative),
-        lag_rate(p.Ta, three, x.one),
-        lag_rate(p.Tb, x.one, x.two),
-        clip(lag(p.Tb, x.one, x.two), p.Velmin, p.Velmax),
-        lag_rate(p.Tw / 2, head(x, p), x.water),
+        droop=d_droop, integral=p.Ki * e, derivative=d_derivative, one=d_one, two=d_two, gate=d_gate, water=d_water
     )
 
 

@@ -39,12 +39,7 @@ class Output(NamedTuple):
 
 
 @inline
-def output(x, u, p):
-    """Rate of change of frequency (Hz/s)."""
-    return Output((u.measured - x.f) / p.T * p.hz)
-
-
-@inline
-def derivatives(x, u, p):
-    """State derivative (1/s)."""
-    return State((u.measured - x.f) / p.T)
+def equations(x, u, p):
+    """Rate of change of frequency (Hz/s), and state derivative (1/s)."""
+    rate = (u.measured - x.f) / p.T
+    return Output(rate * p.hz), State(f=rate)

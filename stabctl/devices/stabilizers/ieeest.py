@@ -15,14 +15,14 @@ from annotated_types import Interval
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE
-from stabctl.devices.blocks import SHORT, clip, lag_rate, lead_lag, second_order, second_order_rates, while_within
+from stabctl.devices.blocks import SHORT, clip, lag_rate, lead_lag, second_order, while_within
 
 from .signals import Input, Output, measured, supported
 
 NAME = "IEEEST"
 ROLE = "stabilizer"
 DYR = {"IEEEST": "+code +bus A1 A2 A3 A4 A5 A6 T1 T2 T3 T4 T5 T6 KS Lmax Lmin VCU VCL"}
-__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "from_record", "output"]
+__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record"]
 
 
 class Par(NamedTuple):
@@ -61,38 +61,16 @@ class State(NamedTuple):
 
 
 @inline
-def stages(x, u, p):
-    """Signals before and after the first filter, after the second filter, and after each lead-lag (pu)."""
-    signal = measured(u, p.code)
-    first = second_order(0.0, 0.0, p.A3, p.A4, signal, x.f1, x.df1)
-    second = second_order(p.A5, p.A6, p.A1, p.A2, first, x.f2, x.df2)
-    third = lead_lag(p.T1, p.T2, second, x.lag1)
-    return signal, first, second, third, lead_lag(p.T3, p.T4, third, x.lag2)
-
-
-@inline
-def output(x, u, p):
-    """Stabilizing signal (pu)."""
-    last = stages(x, u, p)[4]
-    signal = p.KS * (p.T5 / p.T6 * (last - x.washout) if p.T6 >= SHORT else last)
-    return Output(while_within(clip(signal, p.Lmin, p.Lmax), u.vt, p.VCL, p.VCU))
-
-
-@inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
-    signal, first, second, third, last = stages(x, u, p)
-    f1, df1 = second_order_rates(p.A3, p.A4, signal, x.f1, x.df1)
-    f2, df2 = second_order_rates(p.A1, p.A2, first, x.f2, x.df2)
-    return State(
-        f1,
-        df1,
-        f2,
-        df2,
-        lag_rate(p.T2, second, x.lag1),
-        lag_rate(p.T4, third, x.lag2),
-        lag_rate(p.T6, last, x.washout),
-    )
+def equations(x, u, p):
+    """Stabilizing signal (pu), and state derivatives (1/s)."""
+    signal, d_f1, d_df1 = second_order(0.0, 0.0, p.A3, p.A4, measured(u, p.code), x.f1, x.df1)
+    signal, d_f2, d_df2 = second_order(p.A5, p.A6, p.A1, p.A2, signal, x.f2, x.df2)
+    signal, d_lag1 = lead_lag(p.T1, p.T2, signal, x.lag1)
+    signal, d_lag2 = lead_lag(p.T3, p.T4, signal, x.lag2)
+    vs = p.KS * (p.T5 / p.T6 * (signal - x.washout) if p.T6 >= SHORT else signal)
+    vs = while_within(clip(vs, p.Lmin, p.Lmax), u.vt, p.VCL, p.VCU)
+    d_washout = lag_rate(p.T6, signal, x.washout)
+    return Output(vs), State(f1=d_f1, df1=d_df1, f2=d_f2, df2=d_df2, lag1=d_lag1, lag2=d_lag2, washout=d_washout)
 
 
 def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:

@@ -52,24 +52,13 @@ class Output(NamedTuple):
 
 
 @inline
-def stages(x, u, p):
-    """Signal after the washout, and after the first lead-lag (pu)."""
+def equations(x, u, p):
+    """Stabilizing signal (pu), and state derivatives (1/s)."""
     fast = p.K * (u.omega - (x.washout if p.Tw >= SHORT else 1.0))
-    return fast, lead_lag(p.T1, p.T2, fast, x.lag1)
-
-
-@inline
-def output(x, u, p):
-    """Stabilizing signal (pu)."""
-    fast, first = stages(x, u, p)
-    return Output(clip(lead_lag(p.T3, p.T4, first, x.lag2), p.Vmin, p.Vmax))
-
-
-@inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
-    fast, first = stages(x, u, p)
-    return State(lag_rate(p.Tw, u.omega, x.washout), lag_rate(p.T2, fast, x.lag1), lag_rate(p.T4, first, x.lag2))
+    first, d_lag1 = lead_lag(p.T1, p.T2, fast, x.lag1)
+    second, d_lag2 = lead_lag(p.T3, p.T4, first, x.lag2)
+    d_washout = lag_rate(p.Tw, u.omega, x.washout)
+    return Output(clip(second, p.Vmin, p.Vmax)), State(washout=d_washout, lag1=d_lag1, lag2=d_lag2)
 
 
 def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:

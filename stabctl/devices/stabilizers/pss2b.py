@@ -17,7 +17,7 @@ from annotated_types import Interval
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE
-from stabctl.devices.blocks import clip, lag, lag_rate, lead_lag, washout
+from stabctl.devices.blocks import clip, lag, lead_lag, washout
 
 from .signals import Input, Output, measured, supported
 
@@ -29,7 +29,7 @@ DYR = {
     "PSS2A": f"{_FIRST} VSTmax VSTmin",
     "PSS2B": f"{_FIRST} T10 T11 VS1max VS1min VS2max VS2min VSTmax VSTmin",
 }
-__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "from_record", "output"]
+__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record"]
 
 
 class Par(NamedTuple):
@@ -105,87 +105,41 @@ class Inner(NamedTuple):
 
 
 @inline
-def inputs(x, u, p):
-    """Signals of the two inputs up to the ramp-tracking filter (pu)."""
-    s1 = clip(measured(u, p.code1), p.VS1min, p.VS1max)
-    w1 = washout(p.TW1, s1, x.slow1)
-    w2 = washout(p.TW2, w1, x.slow2)
-    s2 = clip(measured(u, p.code2), p.VS2min, p.VS2max)
-    w3 = washout(p.TW3, s2, x.slow3)
-    w4 = p.KS2 * washout(p.TW4, w3, x.slow4)
-    direct = lag(p.T7, w4, x.in2)
-    return Inner(s1, w1, w2, s2, w3, w4, lag(p.T6, w2, x.in1) + p.KS3 * direct, direct)
-
-
-@inline
-def stage(k, p, u, x):
-    """Lag k of the ramp-tracking filter, with the lead where one of its N stages begins."""
+def tracked(k, p, u, x):
+    """Lag k of the ramp-tracking filter, with the lead where one of its N stages begins: u -> y, state x."""
     if k >= p.M * p.N:
-        return u
+        return u, 0 * x
     return lead_lag(p.T8, p.T9, u, x) if k % p.M == 0 else lag(p.T9, u, x)
 
 
 @inline
-def stage_rate(k, p, u, x):
-    """State derivative (1/s) of `stage`."""
-    return lag_rate(p.T9, u, x) if k < p.M * p.N else 0 * x
+def equations(x, u, p):
+    """Stabilizing signal (pu), and state derivatives (1/s)."""
+    one, d_slow1 = washout(p.TW1, clip(measured(u, p.code1), p.VS1min, p.VS1max), x.slow1)
+    one, d_slow2 = washout(p.TW2, one, x.slow2)
+    one, d_in1 = lag(p.T6, one, x.in1)
 
+    two, d_slow3 = washout(p.TW3, clip(measured(u, p.code2), p.VS2min, p.VS2max), x.slow3)
+    two, d_slow4 = washout(p.TW4, two, x.slow4)
+    two, d_in2 = lag(p.T7, p.KS2 * two, x.in2)
 
-@inline
-def tracked(x, p, ramp):
-    """Signals after each lag of the ramp-tracking filter (pu)."""
-    a = stage(0, p, ramp, x.r1)
-    b = stage(1, p, a, x.r2)
-    c = stage(2, p, b, x.r3)
-    d = stage(3, p, c, x.r4)
-    e = stage(4, p, d, x.r5)
-    f = stage(5, p, e, x.r6)
-    g = stage(6, p, f, x.r7)
-    return a, b, c, d, e, f, g, stage(7, p, g, x.r8)
+    ramp, d_r1 = tracked(0, p, one + p.KS3 * two, x.r1)
+    ramp, d_r2 = tracked(1, p, ramp, x.r2)
+    ramp, d_r3 = tracked(2, p, ramp, x.r3)
+    ramp, d_r4 = tracked(3, p, ramp, x.r4)
+    ramp, d_r5 = tracked(4, p, ramp, x.r5)
+    ramp, d_r6 = tracked(5, p, ramp, x.r6)
+    ramp, d_r7 = tracked(6, p, ramp, x.r7)
+    ramp, d_r8 = tracked(7, p, ramp, x.r8)
 
-
-@inline
-def leads(x, p, signal):
-    """Signals after each lead-lag (pu)."""
-    first = lead_lag(p.T1, p.T2, signal, x.lag1)
-    second = lead_lag(p.T3, p.T4, first, x.lag2)
-    return first, second, lead_lag(p.T10, p.T11, second, x.lag3)
-
-
-@inline
-def output(x, u, p):
-    """Stabilizing signal (pu)."""
-    i = inputs(x, u, p)
-    signal = p.KS1 * (tracked(x, p, i.ramp)[7] - i.direct)
-    return Output(clip(leads(x, p, signal)[2], p.VSTmin, p.VSTmax))
-
-
-@inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
-    i = inputs(x, u, p)
-    a, b, c, d, e, f, g, last = tracked(x, p, i.ramp)
-    signal = p.KS1 * (last - i.direct)
-    first, second, _ = leads(x, p, signal)
-    return State(
-        lag_rate(p.TW1, i.s1, x.slow1),
-        lag_rate(p.TW2, i.w1, x.slow2),
-        lag_rate(p.T6, i.w2, x.in1),
-        lag_rate(p.TW3, i.s2, x.slow3),
-        lag_rate(p.TW4, i.w3, x.slow4),
-        lag_rate(p.T7, i.w4, x.in2),
-        stage_rate(0, p, i.ramp, x.r1),
-        stage_rate(1, p, a, x.r2),
-        stage_rate(2, p, b, x.r3),
-        stage_rate(3, p, c, x.r4),
-        stage_rate(4, p, d, x.r5),
-        stage_rate(5, p, e, x.r6),
-        stage_rate(6, p, f, x.r7),
-        stage_rate(7, p, g, x.r8),
-        lag_rate(p.T2, signal, x.lag1),
-        lag_rate(p.T4, first, x.lag2),
-        lag_rate(p.T11, second, x.lag3),
-    )
+    signal, d_lag1 = lead_lag(p.T1, p.T2, p.KS1 * (ramp - two), x.lag1)
+    signal, d_lag2 = lead_lag(p.T3, p.T4, signal, x.lag2)
+    signal, d_lag3 = lead_lag(p.T10, p.T11, signal, x.lag3)
+    return Output(clip(signal, p.VSTmin, p.VSTmax)), State(
+        slow1=d_slow1, slow2=d_slow2, in1=d_in1, slow3=d_slow3, slow4=d_slow4, in2=d_in2,
+        r1=d_r1, r2=d_r2, r3=d_r3, r4=d_r4, r5=d_r5, r6=d_r6, r7=d_r7, r8=d_r8,
+        lag1=d_lag1, lag2=d_lag2, lag3=d_lag3,
+    )  # fmt: skip
 
 
 def from_record(kind: str, values: dict[str, Any]) -> tuple[Par, list[str]]:

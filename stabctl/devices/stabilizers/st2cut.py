@@ -14,7 +14,7 @@ from annotated_types import Interval
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE
-from stabctl.devices.blocks import clip, derivative, lag, lag_rate, lead_lag, while_within
+from stabctl.devices.blocks import clip, derivative, lag, lead_lag, while_within
 
 from .signals import Input, Output, measured, supported
 
@@ -22,7 +22,7 @@ NAME = "ST2CUT"
 ROLE = "stabilizer"
 DYR = {"ST2CUT": "+code1 +bus1 +code2 +bus2 K1 K2 T1 T2 T3 T4 T5 T6 T7 T8 T9 T10 Lmax Lmin VCU VCL"}
 __all__ = [
-    "DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "automatic", "derivatives", "from_record", "output",
+    "DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "automatic", "equations", "from_record",
 ]  # fmt: skip
 
 
@@ -62,37 +62,18 @@ class State(NamedTuple):
 
 
 @inline
-def stages(x, u, p):
-    """The two inputs, their sum, and the signals after the washout and each lead-lag (pu)."""
-    one, two = p.K1 * measured(u, p.code1), p.K2 * measured(u, p.code2)
-    both = lag(p.T1, one, x.in1) + lag(p.T2, two, x.in2)
-    fast = derivative(p.T3, p.T4, both, x.washout)
-    first = lead_lag(p.T5, p.T6, fast, x.lag1)
-    second = lead_lag(p.T7, p.T8, first, x.lag2)
-    return one, two, both, fast, first, second, lead_lag(p.T9, p.T10, second, x.lag3)
-
-
-@inline
-def output(x, u, p):
-    """Stabilizing signal (pu)."""
-    signal = clip(stages(x, u, p)[6], p.Lmin, p.Lmax)
-    if p.VCU == 0 and p.VCL == 0:
-        return Output(signal)
-    return Output(while_within(signal, u.vt, p.V0 + p.VCL, p.V0 + p.VCU))
-
-
-@inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
-    one, two, both, fast, first, second, _ = stages(x, u, p)
-    return State(
-        lag_rate(p.T1, one, x.in1),
-        lag_rate(p.T2, two, x.in2),
-        lag_rate(p.T4, both, x.washout),
-        lag_rate(p.T6, fast, x.lag1),
-        lag_rate(p.T8, first, x.lag2),
-        lag_rate(p.T10, second, x.lag3),
-    )
+def equations(x, u, p):
+    """Stabilizing signal (pu), and state derivatives (1/s)."""
+    one, d_in1 = lag(p.T1, p.K1 * measured(u, p.code1), x.in1)
+    two, d_in2 = lag(p.T2, p.K2 * measured(u, p.code2), x.in2)
+    fast, d_washout = derivative(p.T3, p.T4, one + two, x.washout)
+    first, d_lag1 = lead_lag(p.T5, p.T6, fast, x.lag1)
+    second, d_lag2 = lead_lag(p.T7, p.T8, first, x.lag2)
+    third, d_lag3 = lead_lag(p.T9, p.T10, second, x.lag3)
+    vs = clip(third, p.Lmin, p.Lmax)
+    if p.VCU != 0 or p.VCL != 0:
+        vs = while_within(vs, u.vt, p.V0 + p.VCL, p.V0 + p.VCU)
+    return Output(vs), State(in1=d_in1, in2=d_in2, washout=d_washout, lag1=d_lag1, lag2=d_lag2, lag3=d_lag3)
 
 
 def automatic(p: Any, u: Any) -> Any:

@@ -12,14 +12,14 @@ from annotated_types import Ge
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE
-from stabctl.devices.blocks import clip, lag, lag_rate, washout
+from stabctl.devices.blocks import clip, lag, washout
 
 from .signals import Output
 
 NAME = "STAB2A"
 ROLE = "stabilizer"
 DYR = {"STAB2A": "K2 T2 K3 T3 K4 K5 T5 Hmax"}
-__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "output"]
+__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations"]
 
 
 class Par(NamedTuple):
@@ -53,31 +53,14 @@ class Input(NamedTuple):
 
 
 @inline
-def stages(x, P, p):
-    """Signals after each washout, and at the output lags (pu)."""
-    one = p.K2 * washout(p.T2, -P, x.slow1)
-    two = p.K2 * washout(p.T2, one, x.slow2)
-    three = p.K2 * washout(p.T2, two, x.slow3)
-    both = p.K5 * (p.K3 * lag(p.T3, three, x.lagged) + p.K4 * three)
-    first = p.K5 * lag(p.T5, both, x.out1)
-    return one, two, three, both, first
-
-
-@inline
-def output(x, P, p):
-    """Stabilizing signal (pu)."""
-    return Output(clip(lag(p.T5, stages(x, P, p)[4], x.out2), -p.Hmax, p.Hmax))
-
-
-@inline
-def derivatives(x, P, p):
-    """State derivatives (1/s)."""
-    one, two, three, both, first = stages(x, P, p)
-    return State(
-        lag_rate(p.T2, -P, x.slow1),
-        lag_rate(p.T2, one, x.slow2),
-        lag_rate(p.T2, two, x.slow3),
-        lag_rate(p.T3, three, x.lagged),
-        lag_rate(p.T5, both, x.out1),
-        lag_rate(p.T5, first, x.out2),
-    )
+def equations(x, P, p):
+    """Stabilizing signal (pu), and state derivatives (1/s)."""
+    one, d_slow1 = washout(p.T2, -P, x.slow1)
+    two, d_slow2 = washout(p.T2, p.K2 * one, x.slow2)
+    three, d_slow3 = washout(p.T2, p.K2 * two, x.slow3)
+    three = p.K2 * three
+    lagged, d_lagged = lag(p.T3, three, x.lagged)
+    first, d_out1 = lag(p.T5, p.K5 * (p.K3 * lagged + p.K4 * three), x.out1)
+    second, d_out2 = lag(p.T5, p.K5 * first, x.out2)
+    rates = State(slow1=d_slow1, slow2=d_slow2, slow3=d_slow3, lagged=d_lagged, out1=d_out1, out2=d_out2)
+    return Output(clip(second, -p.Hmax, p.Hmax)), rates

@@ -99,12 +99,21 @@ def allowed(share, x, p):
 @inline
 def shares(x, u, p):
     """Active and reactive power over the rating."""
-    active = allowed(lag(p.Tlag, allowed(u.order, x, p), x.share), x, p)
-    reactive = lag(p.Tlag, u.order_q, x.reactive)
+    active = allowed(lag(p.Tlag, allowed(u.order, x, p), x.share)[0], x, p)
+    reactive, _ = lag(p.Tlag, u.order_q, x.reactive)
     if reactive == 0:
         return active, reactive
     most = np.sqrt(at_least(p.Smax * p.Smax - active * active, 0.0))
     return active, at_most(at_least(reactive, -most), most)
+
+
+@inline
+def rates(x, u, P, p):
+    """State derivatives (1/s) where the power P is absorbed (pu system)."""
+    way = p.efficiency if P.real > 0 else 1 / p.efficiency
+    d_share = lag_rate(p.Tlag, allowed(u.order, x, p), x.share)
+    d_reactive = lag_rate(p.Tlag, clip(u.order_q, -p.Smax, p.Smax), x.reactive)
+    return State(share=d_share, energy=way * P, reactive=d_reactive)
 
 
 @inline
@@ -123,16 +132,9 @@ def current(x, u, v, p):
 
 
 @inline
-def output(x, u, v, p):
-    """Power absorbed (pu), and charge."""
+def equations(x, u, v, p):
+    """Power absorbed (pu), charge, and state derivatives (1/s)."""
     g, b = per_square(x, u, at_least(magnitude(v[0], v[1]), p.vlow), p)
     square = v[0] * v[0] + v[1] * v[1]
-    return Output(g * square, b * square, x.energy / p.capacity)
-
-
-@inline
-def derivatives(x, u, y, p):
-    """State derivatives (1/s)."""
-    way = p.efficiency if y.P.real > 0 else 1 / p.efficiency
-    reactive = lag_rate(p.Tlag, clip(u.order_q, -p.Smax, p.Smax), x.reactive)
-    return State(lag_rate(p.Tlag, allowed(u.order, x, p), x.share), way * y.P, reactive)
+    P = g * square
+    return Output(P, b * square, x.energy / p.capacity), rates(x, u, P, p)

@@ -17,12 +17,12 @@ from typing import Annotated, Any, NamedTuple
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import at_least, available, magnitude, shortened
 from stabctl.devices.converters import electrical, reec_c, regc_a
-from stabctl.devices.converters.electrical import limited, rates, table_p, table_q
+from stabctl.devices.converters.electrical import table_p, table_q
 from stabctl.devices.converters.regc_a import delivered
 from stabctl.devices.converters.regc_a import derivatives as converter_rates
 
 from . import esd, joined
-from .esd import derivatives as store_rates
+from .esd import rates as store_rates
 from .esd import shares
 from .joined import Input
 
@@ -107,9 +107,9 @@ def seen(x, u, vt, P, Q, p):
 
 @inline
 def commands(x, r, p):
-    """Active and reactive current command of REEC_C, and the limit of the reactive current (pu)."""
+    """Active and reactive current command of REEC_C (pu), and state derivatives (1/s)."""
     e = control(x)
-    return limited(r.Pref, e, r, p, 0.0, -1.0, table_p(e, r, p), table_q(e, r, p))
+    return electrical.commands(r.Pref, e, r, p, 0.0, -1.0, table_p(e, r, p), table_q(e, r, p))
 
 
 @inline
@@ -147,9 +147,8 @@ def power(y, p):
 @inline
 def moved(x, u, y, r, p):
     """State derivatives (1/s); r is what REEC_C reads."""
-    vt, s = y.vt, store_rates(x, u, y, p)
-    ip, iq, most = commands(x, r, p)
-    e = rates(r.Pref, control(x), r, p, 0.0, most)
+    vt, s = y.vt, store_rates(x, u, y.P, p)
+    ip, iq, e = commands(x, r, p)
     g = converter_rates(converter(x), regc_a.Input(ip, iq), regc_a.Output(0 * vt, 0 * vt, vt), p)
     return State(s.share, s.energy, s.reactive, e.vm, e.vq, e.iv, e.iq, e.pord, g.ip, g.iq, g.vfilt)
 

@@ -15,14 +15,13 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import at_least, available, magnitude
 from stabctl.devices.converters import electrical, reec_c, regc_b
 from stabctl.devices.converters.behind_impedance import admittance
-from stabctl.devices.converters.electrical import rates
 from stabctl.devices.converters.regc_b import delivered
 from stabctl.devices.converters.regc_b import derivatives as converter_rates
 
 from . import esd, joined
-from .esd import derivatives as store_rates
+from .esd import rates as store_rates
 from .esd_regc import KIT as FOLLOWING
-from .esd_regc import Electrical, Output, commands, control, power, seen
+from .esd_regc import Electrical, Output, commands, power, seen
 from .joined import Input
 
 NAME = "ESD_REGC_B"
@@ -90,9 +89,8 @@ def output(x, v, p):
 @inline
 def moved(x, u, y, r, p):
     """State derivatives (1/s); r is what REEC_C reads."""
-    vt, s = y.vt, store_rates(x, u, y, p)
-    ip, iq, most = commands(x, r, p)
-    e = rates(r.Pref, control(x), r, p, 0.0, most)
+    vt, s = y.vt, store_rates(x, u, y.P, p)
+    ip, iq, e = commands(x, r, p)
     g = converter_rates(converter(x), regc_b.Input(ip, iq), regc_b.Output(0 * vt, 0 * vt, vt), p)
     return State(s.share, s.energy, s.reactive, e.vm, e.vq, e.iv, e.iq, e.pord, g.ip, g.iq, g.vfilt, g.Ed, g.Eq)
 

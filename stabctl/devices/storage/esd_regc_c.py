@@ -15,15 +15,14 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import at_least, available, magnitude, shortened
 from stabctl.devices.converters import electrical, reec_c, regc_c
 from stabctl.devices.converters.behind_impedance import admittance
-from stabctl.devices.converters.electrical import rates
 from stabctl.devices.converters.regc_c import Internal, delivered, framed, locked, turned
 from stabctl.devices.converters.regc_c import derivatives as converter_rates
 from stabctl.devices.converters.regc_c import internal as frame
 
 from . import esd, joined
-from .esd import derivatives as store_rates
+from .esd import rates as store_rates
 from .esd_regc import KIT as FOLLOWING
-from .esd_regc import Electrical, commands, control, seen
+from .esd_regc import Electrical, commands, seen
 from .joined import Input
 
 NAME = "ESD_REGC_C"
@@ -125,9 +124,8 @@ def power(i, v, y):
 @inline
 def moved(x, i, u, v, y, r, p):
     """State derivatives (1/s); r is what REEC_C reads."""
-    s, vq = store_rates(x, u, y, p), framed(i, v)[1]
-    ip, iq, most = commands(x, r, p)
-    e = rates(r.Pref, control(x), r, p, 0.0, most)
+    s, vq = store_rates(x, u, y.P, p), framed(i, v)[1]
+    ip, iq, e = commands(x, r, p)
     g = converter_rates(converter(x), i, regc_c.Input(ip, iq), v, regc_c.Output(r.P, r.Q, y.vt, y.wpll, vq), p)
     return State(
         s.share, s.energy, s.reactive, e.vm, e.vq, e.iv, e.iq, e.pord,

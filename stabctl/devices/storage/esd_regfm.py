@@ -16,17 +16,14 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from stabctl._util.jit import inline
-from stabctl.devices.blocks import at_least, available, beyond_rate, magnitude
+from stabctl.devices.blocks import at_least, available
 from stabctl.devices.converters import regfm_a1
-from stabctl.devices.converters.forming import terminals
-from stabctl.devices.converters.regfm_a1 import admittance, emf, held
+from stabctl.devices.converters.regfm_a1 import admittance, between
 from stabctl.devices.converters.regfm_a1 import current as added
-from stabctl.devices.converters.regfm_a1 import derivatives as converter_rates
 from stabctl.devices.converters.regfm_a1 import source as norton
 
 from . import esd, joined
-from .esd import derivatives as store_rates
-from .esd import shares
+from .esd import rates, shares
 from .joined import Input
 
 NAME = "ESD_REGFM"
@@ -109,20 +106,12 @@ def current(x, u, v, p):
 
 
 @inline
-def output(x, u, v, p):
-    """Power absorbed (pu system), charge, currents (pu converter), and virtual speed."""
-    r = references(x, u, p)
-    P, Q, vt = terminals(emf(x, r, p), x.delta, v, p)
+def equations(x, u, v, p):
+    """Power absorbed (pu system), charge, currents (pu converter), virtual speed; state derivatives (1/s)."""
     low, high = limits(x, p)
-    divisor = at_least(vt, 1e-9)
-    return Output(-p.mva * P, -p.mva * Q, x.energy / p.capacity, P / divisor, Q / divisor, held(x, r, p, low, high))
-
-
-@inline
-def derivatives(x, u, v, y, p):
-    """State derivatives (1/s); y is this device's own output."""
-    r, s, vt = references(x, u, p), store_rates(x, u, y, p), magnitude(v[0], v[1])
-    low, high = limits(x, p)
-    d = converter_rates(x, r, regfm_a1.Output(vt * y.Ip, vt * y.Iq, vt, y.omega, 0 * vt), p)
-    over, under = beyond_rate(p.kip, x.pf - high, x.pmax), beyond_rate(p.kip, low - x.pf, x.pmin)
-    return State(s.share, s.energy, s.reactive, d.delta, d.pf, d.qf, d.vm, d.e, over, under, d.qmax, d.qmin)
+    y, d = between(x, references(x, u, p), v, p, low, high)
+    P, divisor = -p.mva * y.P, at_least(y.vt, 1e-9)
+    s = rates(x, u, P, p)
+    return Output(P, -p.mva * y.Q, x.energy / p.capacity, y.P / divisor, y.Q / divisor, y.omega), State(
+        s.share, s.energy, s.reactive, d.delta, d.pf, d.qf, d.vm, d.e, d.pmax, d.pmin, d.qmax, d.qmin
+    )

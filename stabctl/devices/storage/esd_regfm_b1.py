@@ -17,11 +17,11 @@ from typing import Annotated, Any, NamedTuple
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import at_least, available
 from stabctl.devices.converters import regfm_b1
-from stabctl.devices.converters.forming import correction, short_circuit, terminals
-from stabctl.devices.converters.regfm_b1 import admittance, angle, between, emf, leads, prepare
+from stabctl.devices.converters.forming import correction, short_circuit
+from stabctl.devices.converters.regfm_b1 import admittance, angle, between, leads, prepare, voltage
 
 from . import esd, joined
-from .esd import derivatives as store_rates
+from .esd import rates
 from .esd_regfm import Vref, references
 from .joined import Input
 
@@ -82,34 +82,24 @@ def limits(x, p):
 def source(x, u, p):
     """Short-circuit current of the internal voltage without limit (pu system), real and imaginary part."""
     low, high = limits(x, p)
-    return short_circuit(emf(x, references(x, u, p), p), angle(x, low, high), p)
+    return short_circuit(voltage(x, references(x, u, p), p)[0], angle(x, low, high), p)
 
 
 @inline
 def current(x, u, v, p):
     """Current that the limit adds to that of the source (pu system), real and imaginary part."""
     low, high = limits(x, p)
-    return correction(emf(x, references(x, u, p), p), angle(x, low, high), v, p)
+    return correction(voltage(x, references(x, u, p), p)[0], angle(x, low, high), v, p)
 
 
 @inline
-def output(x, u, v, p):
-    """Power absorbed (pu system), charge, currents and voltages (pu converter), and virtual speed."""
+def equations(x, u, v, p):
+    """Power absorbed (pu system), charge, currents and voltages (pu converter), virtual speed; derivatives (1/s)."""
     low, high = limits(x, p)
-    E = emf(x, references(x, u, p), p)
-    P, Q, vt = terminals(E, angle(x, low, high), v, p)
-    divisor = at_least(vt, 1e-9)
-    return Output(-p.mva * P, -p.mva * Q, x.energy / p.capacity, P / divisor, Q / divisor, 1 + x.dw, vt, E)
-
-
-@inline
-def derivatives(x, u, v, y, p):
-    """State derivatives (1/s); y is this device's own output."""
-    r, s = references(x, u, p), store_rates(x, u, y, p)
-    low, high = limits(x, p)
-    own = regfm_b1.Output(y.vt * y.Ip, y.vt * y.Iq, y.vt, y.omega, y.E)
-    d = between(x, r, v, own, p, low, high)
-    return State(
+    y, d = between(x, references(x, u, p), v, p, low, high)
+    P, divisor = -p.mva * y.P, at_least(y.vt, 1e-9)
+    s = rates(x, u, P, p)
+    return Output(P, -p.mva * y.Q, x.energy / p.capacity, y.P / divisor, y.Q / divisor, y.omega, y.vt, y.E), State(
         s.share, s.energy, s.reactive, d.delta, d.dw, d.xd, d.wf, d.pf, d.qf, d.vm, d.idf, d.iqf, d.e, d.over, d.under,
         d.theta_pll, d.xpll,
     )  # fmt: skip

@@ -98,11 +98,11 @@ def seen(x, u, vt, P, Q, p):
 @inline
 def references(x, u, vt, P, Q, p):
     """What REEC_C reads, with the references of REPC_A."""
-    r = repc_a.output(states(x), seen(x, u, vt, P, Q, p), parameters(p))
+    r, _ = repc_a.equations(states(x), seen(x, u, vt, P, Q, p), parameters(p))
     return electrical.Input(r.Pref, r.Qext, 0 * vt, vt, P, Q)
 
 
 @inline
 def rates(x, u, vt, P, Q, p):
     """State derivatives (1/s) of REPC_A."""
-    return repc_a.derivatives(states(x), seen(x, u, vt, P, Q, p), parameters(p))
+    return repc_a.equations(states(x), seen(x, u, vt, P, Q, p), parameters(p))[1]
