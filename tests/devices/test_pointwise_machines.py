@@ -180,8 +180,8 @@ def test_loads_links_and_sensors_are_their_phasors(seed):
     assert bus_frequency.derivatives(bus_frequency.State(0.4), v, sensor)[0] == pytest.approx(ahead / 0.03)
     change = (1.02 - 0.99) / 0.07
     rates = rocof.Par(50.0, 0.07)
-    assert rocof.output(rocof.State(0.99), rocof.Input(1.02), rates)[0] == pytest.approx(50 * change)
-    assert rocof.derivatives(rocof.State(0.99), rocof.Input(1.02), rates)[0] == pytest.approx(change)
+    y, d = rocof.equations(rocof.State(0.99), rocof.Input(1.02), rates)
+    assert (y.rate, d.f) == pytest.approx((50 * change, change))
 
 
 def test_rows_of_loads_become_parts_at_their_voltage():
