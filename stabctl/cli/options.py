@@ -141,11 +141,11 @@ Characteristic = Annotated[
     Option("--characteristic", help="What remains constant when the voltage changes."),
 ]
 StorageModel = Annotated[
-    Literal["ideal", "regc", "regc_b", "regc_c", "regc_repc", "regc_b_repc", "regc_c_repc", "regfm", "regfm_b1"],
+    str,
     Option(
         "--storage-model",
-        help="Ideal devices, or behind a converter: grid-following (regc, regc_b; regc_c with PLL; with plant "
-        "controller regc_repc, regc_b_repc, regc_c_repc) or grid-forming (regfm, regfm_b1).",
+        help="Store and converter: ideal; regc, regc_repc or regfm behind a converter; supercap, flywheel_regc, ...: "
+        "see 'stabctl models'.",
     ),
 ]
 Mva = Annotated[

@@ -17,23 +17,12 @@ from typing import Any
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.schema import fields
 
+from . import storage
 from .device import ROLES, Device, misspelt, of
 
 OF_CONVERTER = ("electrical control", "plant control", "drive train")
 UNIT_ROLES = ("machine", "converter", "exciter", "governor", "stabilizer", *OF_CONVERTER)
-BUILT_IN = (
-    "zip_load",
-    "esd",
-    "esd_regc",
-    "esd_regc_b",
-    "esd_regc_c",
-    "esd_regc_repc",
-    "esd_regc_b_repc",
-    "esd_regc_c_repc",
-    "esd_regfm",
-    "esd_regfm_b1",
-    "hvdc",
-)  # their rows come from the tables loads, storage and links
+BUILT_IN = ("zip_load", *storage.DEVICES, "hvdc")  # their rows come from the tables loads, storage and links
 
 _registered: dict[str, Device] = {}
 
@@ -47,7 +36,7 @@ class Devices(Mapping[str, Device]):
     def __getitem__(self, name: str) -> Device:
         if name not in self.roles:
             raise KeyError(name)
-        return _registered[name] if name in _registered else of(importlib.import_module(_files()[name][1]))
+        return _registered[name] if name in _registered else of(_module(name))
 
     def __contains__(self, name: object) -> bool:
         return name in self.roles
@@ -69,13 +58,20 @@ class Devices(Mapping[str, Device]):
 
 @cache
 def _files() -> Mapping[str, tuple[str, str]]:
-    """Role and module of every device of the package."""
-    found = {}
+    """Role and folder of every device of the package."""
+    found = dict.fromkeys(storage.DEVICES, ("storage", "storage"))
     for path in sorted(Path(__path__[0]).glob("*/*.py")):
-        if role := re.search('^ROLE = "(.+)"$', path.read_text(encoding="utf-8"), re.MULTILINE):
-            found[path.stem] = role[1], f"{__name__}.{path.parent.name}.{path.stem}"
+        role = re.search('^ROLE = "(.+)"$', path.read_text(encoding="utf-8"), re.MULTILINE)
+        if role and path.parent.name != "storage":
+            found[path.stem] = role[1], path.parent.name
     order = list(ROLES)
     return dict(sorted(found.items(), key=lambda item: order.index(item[1][0])))
+
+
+def _module(name: str) -> ModuleType:
+    """The module of a device of the package."""
+    _, folder = _files()[name]
+    return storage.composed(name) if folder == "storage" else importlib.import_module(f"{__name__}.{folder}.{name}")
 
 
 @cache

@@ -317,8 +317,12 @@ def misspelt(module: ModuleType) -> str | None:
 
 def _received(name: str, file: str) -> Device:
     """A device from another process; one that was registered there is registered here, too."""
-    if name not in sys.modules and not name.startswith("stabctl."):
+    if name not in sys.modules:
         from stabctl import devices  # imported late: it imports this module
 
-        devices.register(file)
+        table = name.rpartition(".")[2]
+        if table in devices.every():
+            return devices.every()[table]
+        if not name.startswith("stabctl."):
+            devices.register(file)
     return of(import_module(name))

@@ -7,7 +7,6 @@ import numpy as np
 
 from stabctl import devices
 from stabctl._util.errors import EquilibriumError
-from stabctl.devices import storage
 from stabctl.devices.device import Device
 from stabctl.devices.loads import zip_load
 from stabctl.model import naming
@@ -54,7 +53,7 @@ def tables(case: Case, flow: PowerFlow, net: Network) -> tuple[dict[str, list[Ro
             if zip_load.draws(load):
                 found[name].append(row._replace(par=row.par._replace(Pz=0.0, Qz=0.0)))
     for s in case.storage:
-        name = storage.TABLES[s.storage_model]
+        name = s.device
         found.setdefault(name, []).append(_storage_row(case, s, numbers[s.machine], net.place[s.bus], flow))
     hvdc = devices.every()["hvdc"]
     found["hvdc"] = []
@@ -87,7 +86,7 @@ def _unit_row(case: Case, device: Device, unit: int, key: naming.Key, par: Any, 
 
 
 def _storage_row(case: Case, s: Storage, unit: int, bus: int, flow: PowerFlow) -> Row:
-    device = devices.every()[storage.TABLES[s.storage_model]]
+    device = devices.every()[s.device]
     known = {"V0": float(abs(flow.V[bus])), "wb": 2 * np.pi * case.frequency_hz}
     par, name = _filled(device, device.call("from_case", s, case.base_mva), known), f"ESD {s.machine}@{s.bus}"
     return Row(unit, bus, bus, par, name, name)

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stabctl import devices
-from stabctl.devices.storage import TABLES
 from stabctl.model.case import Case
 from stabctl.model.tables import Storage
 
@@ -49,7 +48,7 @@ def members(system: System, case: Case) -> list[tuple[Family, int]]:
     count: dict[str, int] = {}
     found = []
     for s in case.storage:
-        name = TABLES[s.storage_model]
+        name = s.device
         found.append((system.family(name), count.setdefault(name, 0)))
         count[name] += 1
     return found
@@ -82,12 +81,12 @@ def _holds_voltage(f: Family, j: int) -> bool:
 
 def is_energy(table: str, state: str) -> bool:
     """Whether a state of a device table is the energy of a storage device."""
-    return state == "energy" and table in TABLES.values()
+    return state == "energy" and devices.every().roles.get(table) == "storage"
 
 
 def with_ratings(system: System, case: Case, rows: Sequence[Storage]) -> System:
     """The system with other rows of storage.csv, which have the places, models and machines of those of the case."""
-    k = {f.name: f.k.copy() for f in system.families if f.name in TABLES.values()}
+    k = {f.name: f.k.copy() for f in system.families if f.device.role == "storage"}
     of = list(zip(members(system, case), rows, strict=True))
     for (f, j), row in of:
         par, names = f.device.call("from_case", row, case.base_mva), f.device.Par._fields
@@ -117,4 +116,4 @@ def current_limits(system: System, case: Case) -> np.ndarray:
 
 def in_network(case: Case) -> bool:
     """Whether the admittance of a storage device is part of the network."""
-    return any(devices.every()[TABLES[s.storage_model]].admittance is not None for s in case.storage)
+    return any(devices.every()[s.device].admittance is not None for s in case.storage)

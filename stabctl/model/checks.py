@@ -15,7 +15,7 @@ from stabctl import devices
 from stabctl._util.errors import CaseError, StudyError, shown
 from stabctl._util.schema import fields
 from stabctl._util.validation import Invalid, checked
-from stabctl.devices.storage import TABLES, joined
+from stabctl.devices.storage import joined
 
 from . import naming, tables
 from .tables import Storage, Tables
@@ -300,27 +300,29 @@ def storage(case: Tables) -> None:
 
 def _converter(i: int, s: Storage) -> None:
     """Raise the first wrong parameter of a converter of storage, or what an ideal device or a converter has not."""
-    if s.storage_model == "ideal":
-        if s.converter:
-            text = f"{shown(s.converter)} applies only to devices behind a converter; set storage_model to regc."
-            raise RowError("storage", i, "converter", text)
-        return
-    if s.characteristic != "power":
+    device = devices.every()[s.device]
+    if device.kit.finite and not s.energy:
+        text = f"must be above 0 for a {s.storage_model}, whose power depends on its stored energy."
+        raise RowError("storage", i, "energy", text)
+    if s.storage_model == "ideal" and s.converter:
+        text = f"{shown(s.converter)} applies only to devices behind a converter; set storage_model to regc."
+        raise RowError("storage", i, "converter", text)
+    if device.current_limit and s.characteristic != "power":
         text = (
             f"{s.characteristic} applies only to ideal devices; a converter ({s.storage_model}) "
             "keeps its power constant."
         )
         raise RowError("storage", i, "characteristic", text)
-    wrong = _setting(s.storage_model, s.converter)
+    wrong = _setting(s.device, s.converter)
     if wrong:
         raise RowError("storage", i, "converter", wrong)
 
 
 @cache
-def _setting(model: str, text: str) -> str:
+def _setting(device: str, text: str) -> str:
     """What is wrong with the parameters of a converter, as a sentence; empty if nothing is."""
     try:
-        joined.parameters(devices.every()[TABLES[model]].kit, text)
+        joined.parameters(devices.every()[device].kit, text)
     except StudyError as error:
         return str(error)
     return ""

@@ -9,7 +9,7 @@ from stabctl._util.errors import StudyError, shown
 from stabctl._util.schema import fields
 from stabctl._util.units import quantity, rating
 from stabctl.devices import every
-from stabctl.devices.storage import TABLES, joined
+from stabctl.devices.storage import MODELS, joined
 
 from . import checks, naming, powerflow
 from .case import Case
@@ -162,7 +162,8 @@ class Voltage(NamedTuple):
 
 def _current_limit(options: Mapping[str, Any]) -> float:
     """The current limit of a converter, pu."""
-    device = every()[TABLES.get(options.get("storage_model", "ideal"), "esd")]
+    model = options.get("storage_model", "ideal")
+    device = every()[MODELS[model if model in MODELS else "ideal"].device]
     if not device.current_limit:
         raise StudyError("MVA for a voltage need a converter, which has a current limit; give a storage_model.")
     return float(joined.parameters(device.kit, options.get("converter", ""))[device.current_limit])

@@ -13,7 +13,7 @@ from annotated_types import Ge, Interval
 
 from stabctl._util.schema import NOT_NEGATIVE, POSITIVE, RATIO, SHARE, Field, fields
 from stabctl.devices import OF_CONVERTER, models
-from stabctl.devices.storage import StorageModel
+from stabctl.devices.storage import MODELS, StorageModel
 
 Key = int | str
 LoadKind = Literal["load", "injection"]
@@ -120,10 +120,13 @@ class Storage(NamedTuple):
     lag: Annotated[float, "s", "time constant from order to power", NOT_NEGATIVE] = 0.0
     efficiency: Annotated[float, "-", "round-trip efficiency", Interval(ge=0.01, le=1)] = 1.0
     mva: Annotated[float, "MVA", "apparent power rating (0: the power rating)", NOT_NEGATIVE] = 0.0
-    storage_model: Annotated[StorageModel, "-", "ideal, or behind a converter: grid-following or grid-forming"] = (
-        "ideal"
-    )
-    converter: Annotated[str, "-", "parameters of the converter that are not the default: Imax=1.3 Lvplsw=0"] = ""
+    storage_model: Annotated[StorageModel, "-", "store and converter: ideal, regc, supercap_regc, ..."] = "ideal"
+    converter: Annotated[str, "-", "parameters of converter and store that are not the default: Imax=1.3 Lvplsw=0"] = ""
+
+    @property
+    def device(self) -> str:
+        """The name of its device model."""
+        return MODELS[self.storage_model].device
 
 
 TABLES: Mapping[str, type] = MappingProxyType(

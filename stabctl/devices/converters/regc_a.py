@@ -116,12 +116,17 @@ def delivered(x, vt, p):
 
 
 @inline
-def current(x, v, p):
+def injected(ip, iq, v, p):
     """Current into the network (pu system), real and imaginary part: (Ip - j Iq) V/|V|."""
-    vt = magnitude(v[0], v[1])
-    ip, iq = delivered(x, vt, p)
-    k = p.mva / at_least(vt, p.vlow)
+    k = p.mva / at_least(magnitude(v[0], v[1]), p.vlow)
     return k * (ip * v[0] + iq * v[1]), k * (ip * v[1] - iq * v[0])
+
+
+@inline
+def current(x, v, p):
+    """Current into the network (pu system), real and imaginary part."""
+    ip, iq = delivered(x, magnitude(v[0], v[1]), p)
+    return injected(ip, iq, v, p)
 
 
 @inline

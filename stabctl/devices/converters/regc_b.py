@@ -82,13 +82,18 @@ def delivered(x, vt, p):
 
 
 @inline
-def current(x, v, p):
+def injected(ip, iq, v, p):
     """Current into the network beside the Norton admittance (pu system), real and imaginary part: I + Y V."""
-    vt = magnitude(v[0], v[1])
-    ip, iq = delivered(x, vt, p)
-    k = p.mva / at_least(vt, p.vlow)
+    k = p.mva / at_least(magnitude(v[0], v[1]), p.vlow)
     g, b = admittance(p)
     return k * (ip * v[0] + iq * v[1]) + g * v[0] - b * v[1], k * (ip * v[1] - iq * v[0]) + g * v[1] + b * v[0]
+
+
+@inline
+def current(x, v, p):
+    """Current into the network beside the Norton admittance (pu system), real and imaginary part: I + Y V."""
+    ip, iq = delivered(x, magnitude(v[0], v[1]), p)
+    return injected(ip, iq, v, p)
 
 
 @inline

@@ -115,15 +115,33 @@ def voltage(x, u, p):
 
 
 @inline
+def span(x, p):
+    """Limits of the active power (pu converter)."""
+    return p.Pmin, p.Pmax
+
+
+@inline
+def norton(x, u, p, low, high):
+    """`source`, whatever the limits of the active power are."""
+    return short_circuit(voltage(x, u, p)[0], x.delta, p)
+
+
+@inline
+def added(x, u, v, p, low, high):
+    """`current`, whatever the limits of the active power are."""
+    return correction(voltage(x, u, p)[0], x.delta, v, p)
+
+
+@inline
 def source(x, u, p):
     """Short-circuit current of the internal voltage without limit (pu system), real and imaginary part."""
-    return short_circuit(voltage(x, u, p)[0], x.delta, p)
+    return norton(x, u, p, p.Pmin, p.Pmax)
 
 
 @inline
 def current(x, u, v, p):
     """Current that the limit adds to that of the source (pu system), real and imaginary part."""
-    return correction(voltage(x, u, p)[0], x.delta, v, p)
+    return added(x, u, v, p, p.Pmin, p.Pmax)
 
 
 @inline

@@ -172,7 +172,7 @@ def voltage(x, u, p):
 
 
 @inline
-def leads(x, p):
+def span(x, p):
     """Least and largest angle (rad) of the internal voltage ahead of the phase-locked loop."""
     return p.deltamin + x.under, p.deltamax - x.over
 
@@ -184,17 +184,29 @@ def angle(x, low, high):
 
 
 @inline
+def norton(x, u, p, low, high):
+    """`source` with these limits of the angle ahead of the phase-locked loop (rad)."""
+    return short_circuit(voltage(x, u, p)[0], angle(x, low, high), p)
+
+
+@inline
+def added(x, u, v, p, low, high):
+    """`current` with these limits of the angle ahead of the phase-locked loop (rad)."""
+    return correction(voltage(x, u, p)[0], angle(x, low, high), v, p)
+
+
+@inline
 def source(x, u, p):
     """Short-circuit current of the internal voltage without limit (pu system), real and imaginary part."""
-    low, high = leads(x, p)
-    return short_circuit(voltage(x, u, p)[0], angle(x, low, high), p)
+    low, high = span(x, p)
+    return norton(x, u, p, low, high)
 
 
 @inline
 def current(x, u, v, p):
     """Current that the limit adds to that of the source (pu system), real and imaginary part."""
-    low, high = leads(x, p)
-    return correction(voltage(x, u, p)[0], angle(x, low, high), v, p)
+    low, high = span(x, p)
+    return added(x, u, v, p, low, high)
 
 
 @inline
@@ -241,7 +253,7 @@ def between(x, u, v, p, low, high):
 @inline
 def equations(x, u, v, p):
     """Power and voltage at the terminals, virtual speed, internal voltage (pu converter); state derivatives (1/s)."""
-    low, high = leads(x, p)
+    low, high = span(x, p)
     return between(x, u, v, p, low, high)
 
 

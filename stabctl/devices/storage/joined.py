@@ -3,6 +3,7 @@
 import difflib
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
+from math import sqrt
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
@@ -10,7 +11,10 @@ import numpy as np
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.schema import fields
 from stabctl._util.validation import Invalid, checked
+from stabctl.devices.converters import reec_c
 from stabctl.devices.ports import fixed
+
+from . import order
 
 _SETTING = re.compile(r"([A-Za-z][A-Za-z0-9_]*)\s*=\s*([^\s,;=]+)")
 
@@ -20,26 +24,15 @@ class Kit(NamedTuple):
 
     name: str  # what they are called in messages
     parts: tuple[Any, ...]  # their parameter records
-    defaults: Mapping[str, float]  # where those of the parts are not for storage
-    without: Collection[str]  # parameters that cannot be set
-    errors: Callable[[Mapping[str, float]], Iterator[tuple[str, str]]]  # name and message of what is not possible
+    defaults: Mapping[str, float] = {}  # where those of the parts are not for storage
+    without: Collection[str] = ()  # parameters that cannot be set
+    errors: Callable[[Mapping[str, float]], Iterator[tuple[str, str]]] = lambda _values: iter(())  # name and message
+    finite: bool = False  # whether the energy of the store must be limited
 
 
-def no_errors(_values: Mapping[str, float]) -> Iterator[tuple[str, str]]:
-    """For parts of which every combination of parameters is possible."""
-    return iter(())
+class Rated(NamedTuple):
+    """What a converter of storage has."""
 
-
-class Store(NamedTuple):
-    """What every storage device has: limits of its order, and its store of energy."""
-
-    Tlag: Annotated[float, "s", "lag from order to power reference"]
-    ramp: Annotated[float, "1/s", "largest change of the order, in ratings per second (0: unlimited)"]
-    floor: Annotated[float, "pu s", "energy when empty (-inf: unlimited)"]
-    capacity: Annotated[float, "pu s", "energy when full (inf: unlimited)"]
-    stored: Annotated[float, "pu s", "initial energy"]
-    efficiency: Annotated[float, "-", "one-way efficiency, the square root of the round-trip efficiency"]
-    Smax: Annotated[float, "-", "largest apparent power over the power rating"]
     rated: Annotated[float, "-", "power rating over the MVA of the converter"]
 
 
@@ -57,27 +50,40 @@ def joined(*records: type) -> Any:
     return NamedTuple("Joined", list(found.items()))  # type: ignore[misc]
 
 
-def store(device: Any, base_mva: float) -> Store:
-    """What a row of storage.csv says about the store."""
-    capacity = device.energy * 3600 / base_mva
-    rating = device.rating
-    return Store(
-        device.lag,
-        device.ramp / rating if rating else 0.0,
-        0.0 if capacity else -float("inf"),
-        capacity or float("inf"),
-        capacity * device.charge,
-        device.efficiency**0.5,
-        device.mva / rating if device.mva and rating else 1.0,
-        rating / device.mva if device.mva else 1.0,
+Store: Any = joined(order.Par, Rated)
+
+
+def following(converter: Any, store: Any, before: Any) -> Kit:
+    """The published models of a grid-following converter of storage."""
+    own = Kit(
+        f"{converter.NAME} and REEC_C of storage",
+        (converter.Par, reec_c.Par, store.Par),
+        {"Pmin": -1.0, "Qmin": -1.0, "Qmax": 1.0},
+        ("PfFlag", "Tp", "T", "SOCini", "SOCmax", "SOCmin"),
+        finite=store.FINITE,
     )
+    kit: Kit = before.kit(own)
+    return kit
 
 
-def from_row(kit: Kit, record: Any, device: Any, base_mva: float, **known: float) -> Any:
-    """Parameters of a device from its row of storage.csv; those in `known`, and V0, are filled from the case later."""
-    size = (device.mva or device.rating) / base_mva
-    own = store(device, base_mva)._asdict() | {"mva": size, "V0": 1.0}
-    return record(**{**parameters(kit, device.converter), **own, **known})
+def from_row(kit: Kit, record: Any, device: Any, base_mva: float) -> Any:
+    """Parameters of a device from its row of storage.csv; those filled from the case, such as V0, are 0 before."""
+    rating, capacity = device.rating, device.energy * 3600 / base_mva
+    known = parameters(kit, device.converter) | {
+        "mva": (device.mva or rating) / base_mva,
+        "rating": rating / base_mva,
+        "inverse": base_mva / rating if rating else 0.0,
+        "rated": rating / device.mva if device.mva else 1.0,
+        "Smax": device.mva / rating if device.mva and rating else 1.0,
+        "Tlag": device.lag,
+        "ramp": device.ramp / rating if rating else 0.0,
+        "floor": 0.0 if capacity else -np.inf,
+        "capacity": capacity or np.inf,
+        "stored": capacity * device.charge,
+        "efficiency": sqrt(device.efficiency),
+        "V0": 1.0,
+    }
+    return record(**{name: known.get(name, 0.0) for name in record._fields})
 
 
 def settings(text: str) -> Iterator[tuple[str, str]]:

@@ -20,8 +20,8 @@ from stabctl.devices.converters import electrical, repc_a
 from stabctl.devices.ports import At, fixed
 
 from . import joined
-from .esd import shares
 
+NAME = "REPC_A"
 PREFIX = "repc_"
 DEADBANDS = tuple(PREFIX + name for name in repc_a.DEADBANDS)
 DEFAULTS = {"FFlag": 1.0, "Kp": 0.5, "Dup": 20.0, "Pmin": -1.0, "Qmin": -1.0, "Qmax": 1.0}
@@ -58,8 +58,8 @@ def errors(values: Mapping[str, float]) -> Iterator[tuple[str, str]]:
 def kit(of: joined.Kit) -> joined.Kit:
     """The published models of a storage device, and REPC_A."""
     defaults = {**of.defaults, **{PREFIX + name: value for name, value in DEFAULTS.items()}}
-    without = (*of.without, "repc_bus")
-    return joined.Kit(f"REPC_A, {of.name}", (*of.parts, Par), defaults, without, errors)
+    own = {"name": f"{NAME}, {of.name}", "parts": (*of.parts, Par), "without": (*of.without, PREFIX + "bus")}
+    return of._replace(defaults=defaults, errors=errors, **own)
 
 
 def guess(V: complex, p: Any) -> Any:
@@ -86,23 +86,12 @@ def states(x):
 
 
 @inline
-def seen(x, u, vt, P, Q, p):
-    """What REPC_A reads; active and reactive power delivered (pu converter) are given."""
-    active, reactive = shares(x, u, p)
+def references(x, u, shares, vt, P, Q, p):
+    """What REEC_C reads, the references of REPC_A, and state derivatives (1/s) of REPC_A."""
+    active, reactive = shares
     blocked = available(x.repc_xp, x.energy, p.floor, p.capacity) != x.repc_xp
-    return repc_a.Input(
+    seen = repc_a.Input(
         p.V0 + u.order_v, -p.rated * reactive, -p.rated * active, 1.0, vt, u.f, x.repc_xp if blocked else P, Q
     )
-
-
-@inline
-def references(x, u, vt, P, Q, p):
-    """What REEC_C reads, with the references of REPC_A."""
-    r, _ = repc_a.equations(states(x), seen(x, u, vt, P, Q, p), parameters(p))
-    return electrical.Input(r.Pref, r.Qext, 0 * vt, vt, P, Q)
-
-
-@inline
-def rates(x, u, vt, P, Q, p):
-    """State derivatives (1/s) of REPC_A."""
-    return repc_a.equations(states(x), seen(x, u, vt, P, Q, p), parameters(p))[1]
+    r, d = repc_a.equations(states(x), seen, parameters(p))
+    return electrical.Input(r.Pref, r.Qext, 0 * vt, vt, P, Q), d[:]

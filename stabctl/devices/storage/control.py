@@ -1,0 +1,30 @@
+"""REEC_C in storage, whose charge is that of the store, and which holds no power factor."""
+
+from typing import Annotated, NamedTuple
+
+from stabctl._util.jit import inline
+from stabctl.devices.converters import electrical
+from stabctl.devices.converters.electrical import table_p, table_q
+
+
+class State(NamedTuple):
+    """States of REEC_C in storage."""
+
+    vm: Annotated[float, "pu", "filtered terminal voltage of REEC_C"]
+    vq: Annotated[float, "pu", "integral of the reactive power error"]
+    iv: Annotated[float, "pu", "integral of the voltage error"]
+    iqr: Annotated[float, "pu", "lagged reactive current"]
+    pord: Annotated[float, "pu", "power order"]
+
+
+def guess(V, p):
+    """States at rest."""
+    return State(abs(V), abs(V) if p.QFlag > 0 else 0.0, 0.0, 0.0, 0.0)
+
+
+@inline
+def commands(x, r, p):
+    """Active and reactive current command (pu), and state derivatives (1/s); r is what REEC_C reads."""
+    e = electrical.State(x.vm, 0 * x.vm, x.vq, x.iv, x.iqr, x.pord)
+    ip, iq, d = electrical.commands(r.Pref, e, r, p, 0.0, -1.0, table_p(e, r, p), table_q(e, r, p))
+    return ip, iq, State(vm=d.vm, vq=d.vq, iv=d.iv, iqr=d.iq, pord=d.pord)
