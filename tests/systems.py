@@ -50,6 +50,7 @@ from records import (
 
 from stabctl import devices
 from stabctl._util.schema import fields
+from stabctl.devices.storage import DEVICES
 from stabctl.model.case import Case
 from stabctl.model.tables import Branch, Bus, Load, Machine
 
@@ -212,8 +213,7 @@ OWN_KINDS = {  # name -> devices of machine 1, and a device of the user's: its t
 }
 # a unit without active power (test_psse, test_converter_controls), sensors of controllers (tests/controllers), and
 # storage behind converters (test_storage_converters)
-APART = {"csvgn1", "line_power", "line_current", "bus_angle", "rocof", "esd_regc", "esd_regc_b", "esd_regc_c"}
-APART |= {"esd_regfm", "esd_regfm_b1", "esd_regc_repc", "esd_regc_b_repc", "esd_regc_c_repc"}
+APART = {"csvgn1", "line_power", "line_current", "bus_angle", "rocof", *DEVICES} - {"esd"}
 ALL_KINDS = (*KINDS, *OWN_KINDS, *LIBRARY)
 
 

@@ -5,22 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from records import esd_regc, reec_c, regc_a, regc_b, regc_c, regfm_a1, regfm_b1, repc_a
+from stored import KEEP_ON, driven, signal, with_esd
 from systems import KINDS, one_of, small
 
 from stabctl import devices
 from stabctl._util.errors import CaseError, StudyError
 from stabctl.controllers import BangBang
-from stabctl.devices.storage import joined
+from stabctl.devices.storage import order as orders_of
 from stabctl.dynamics import family, operating_point, storage
 from stabctl.model.tables import Machine, Storage
 from stabctl.simulation import steps
-from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import Clear, Fault, Open
 from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.stages import stages
 from stabctl.smallsignal import linearize
 
-KEEP_ON = Criterion(max_angle=np.inf)
 SHORT = [Fault("2", 0.5, impedance=0.02j), Clear("2", 0.6)]
 FAULT = {"events": SHORT, "until": 1.5}
 MODELS = "regc", "regc_b", "regc_c", "regfm", "regfm_b1"
@@ -28,34 +27,6 @@ SLOW = "regc_b_repc", "regc_c_repc"
 PLANT = one_of("regc_repc", *SLOW)
 FOLLOWING = "regc", "regc_b", "regc_c", *PLANT
 ALL = *MODELS, *PLANT
-FAST = "repc_Kpg=0.5 repc_Kig=8 repc_Tp=0.02 repc_Tg=0.02 repc_Ddn=0 repc_Dup=0 "  # a plant controller of 0.1 s
-
-
-def with_esd(*rows, **options):
-    """The small system with storage at bus 2: 40 MW and 50 MVA behind a converter, or these rows."""
-    default = {"storage_model": "regc", "mva": 50.0}
-    if options.get("storage_model", "").endswith("_repc"):
-        options["converter"] = FAST + options.get("converter", "")
-    return small(KINDS["sexs, pss, steam"]).with_storage(rows or [Storage(1, 2, 40.0, **{**default, **options})])
-
-
-def driven(case, orders, events=(), until=1.5, step=1 / 240):
-    """A run with orders of the devices set from outside: {time: orders}."""
-    sim = Simulation(operating_point.solve(case), list(events), step=step, criterion=KEEP_ON)
-    for t, values in orders.items():
-        assert sim.advance(t)
-        sim.orders[:] = values
-    assert sim.advance(until), sim.outcome
-    return sim.finish()
-
-
-def signal(run, name, row=0):
-    """An output or state of a device at every instant."""
-    f, j = storage.members(run.point.system, run.point.case)[row]
-    for record, first in (("State", f.w[j, family.STATE]), ("Output", f.w[j, -1])):
-        if name in (names := f.device.fields(record)):
-            return run.rows[:, first + names.index(name)]
-    raise KeyError(name)
 
 
 def beside(case, models, mva):
@@ -115,11 +86,10 @@ def test_it_moves_as_its_published_parts_in_a_unit_of_their_own(name):
     """The same system with the converter as a generating unit of 0 MW, whose references are set instead of orders."""
     models, text, q = PUBLISHED[name]
     case = with_esd(storage_model=name.split()[0], converter=text)
-    esd = devices.every()["esd"]
     orders, references = {}, {}
     for t, P, Q in ((0.1, 0.9, 0.0), (0.7, -0.8, 0.5)):
-        store = joined.store(case.storage[0], 100.0)
-        active, reactive = esd.module.shares(esd.State(0.0, 0.0, 0.0), esd.Input(P, Q), store)
+        par = devices.every()[case.storage[0].device].from_case(case.storage[0], 100.0)
+        active, reactive = orders_of.shares(orders_of.State(0.0, 0.0, 0.0), orders_of.Input(P, Q), par, (1.0, 1.0))
         orders[t], references[t] = (P, Q), {"Pset" if q == "Qset" else "Pref": -0.8 * active, q: -0.8 * reactive}
     run = _ordered(case, orders)
     other = unit_driven(beside(case, models, 50.0), references, SHORT)
@@ -374,7 +344,7 @@ def test_grid_forming_storage_keeps_its_island_alive_and_grid_following_storage_
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"converter": "Imx=1.2"}, "have no parameter 'Imx'; choose one of Imax"),
+        ({"converter": "Imx=1.2"}, "no parameter 'Imx' of REGC_A and REEC_C of storage; choose one of Imax"),
         ({"converter": "Imax=-1"}, "must be a number above 0"),
         ({"converter": "Imax"}, "does not set a parameter"),
         ({"converter": "Tg=0"}, "Tg = 0.0 must be a number of at least 0.001"),

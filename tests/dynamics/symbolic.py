@@ -58,6 +58,8 @@ def executed(module):
         home = sys.modules.get(getattr(value, "__module__", None) or "")
         if inspect.isfunction(value) and home not in (None, module) and value.__name__ in kernels(home):
             space[name] = executed(home)[value.__name__]
+        if inspect.ismodule(value) and value.__name__.startswith("stabctl.devices.") and kernels(value):
+            space[name] = SimpleNamespace(**executed(value))  # a part of a composed device
     for name, tree in own.items():
         smooth = ast.fix_missing_locations(Unlimited().visit(tree))
         exec(compile(smooth, f"{module.__name__}.{name}", "exec"), space)

@@ -109,7 +109,7 @@ def parameters(kit: Kit, text: str) -> dict[str, float]:
     for name, value in settings(text):
         if name not in known:
             near = difflib.get_close_matches(name, known, 3) or list(known)
-            raise StudyError(f"{kit.name} have no parameter {shown(name)}; choose one of {', '.join(near)}.")
+            raise StudyError(f"There is no parameter {shown(name)} of {kit.name}; choose one of {', '.join(near)}.")
         try:
             given[name] = float(value)
         except ValueError:

@@ -58,7 +58,11 @@ def errors(values: Mapping[str, float]) -> Iterator[tuple[str, str]]:
 def kit(of: joined.Kit) -> joined.Kit:
     """The published models of a storage device, and REPC_A."""
     defaults = {**of.defaults, **{PREFIX + name: value for name, value in DEFAULTS.items()}}
-    own = {"name": f"{NAME}, {of.name}", "parts": (*of.parts, Par), "without": (*of.without, PREFIX + "bus")}
+    own: dict[str, Any] = {
+        "name": f"{NAME}, {of.name}",
+        "parts": (*of.parts, Par),
+        "without": (*of.without, PREFIX + "bus"),
+    }
     return of._replace(defaults=defaults, errors=errors, **own)
 
 

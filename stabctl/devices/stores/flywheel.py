@@ -1,7 +1,7 @@
 """Flywheel: its speed falls with its energy, its losses grow with the speed, and its torque is limited.
 
 w^2 = wlow^2 + (1 - wlow^2) energy/capacity         speed over full speed
-take = give = torque w, at most 1
+take = torque w/k, give = k torque w, both at most 1
 d energy/dt = P - rating (loss(w) - loss(w0)),      loss(w) = friction w + windage w^3
 
 `capacity` is the energy between the lowest speed wlow, at which the device is empty, and full speed: 1 - wlow^2 of
@@ -31,7 +31,7 @@ class Par(NamedTuple):
     """Parameters of the store of one device."""
 
     rating: Annotated[float, "pu", "power rating, system base", FROM_CASE] = 0.0
-    wlow: Annotated[float, "pu", "lowest speed, at which it is empty", Interval(gt=0, lt=1)] = 0.5
+    wlow: Annotated[float, "pu", "lowest speed, at which it is empty", Interval(gt=0, le=1)] = 0.5
     torque: Annotated[float, "pu", "largest torque", POSITIVE] = 2.0
     friction: Annotated[float, "pu", "loss of the bearings at full speed", NOT_NEGATIVE] = 0.005
     windage: Annotated[float, "pu", "loss of the air at full speed", NOT_NEGATIVE] = 0.005
@@ -52,9 +52,9 @@ def loss(w, p):
 
 @inline
 def most(x, p):
-    """Largest power that it takes and gives, over the rating."""
-    share = at_most(p.torque * speed(x.energy, p), 1.0)
-    return share, share
+    """Largest power that it takes and gives, over the rating, k^2 the round-trip efficiency of the conversion."""
+    power, k = p.torque * speed(x.energy, p), p.efficiency
+    return at_most(power / k, 1.0), at_most(k * power, 1.0)
 
 
 @inline

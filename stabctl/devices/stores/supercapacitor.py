@@ -2,7 +2,7 @@
 
 v^2 = Vcmin^2 + (1 - Vcmin^2) energy/capacity       voltage of the capacitance over that of a full one
 P = (v + Rs i) i,   d energy/dt = v i               i > 0 charges
-take = (v + Rs Icmax) Icmax, give = (v - Rs Icmax) Icmax, both at most 1
+take = (v + Rs Icmax) Icmax/k, give = k (v - Rs Icmax) Icmax, both at most 1
 
 `capacity` is the energy between the lowest voltage Vcmin, at which the device is empty, and the full one: 1 - Vcmin^2
 of C V^2/2. Currents are in power rating over full voltage, Rs in full voltage squared over power rating.
@@ -31,7 +31,7 @@ class Par(NamedTuple):
     """Parameters of the store of one device."""
 
     inverse: Annotated[float, "1/pu", "1 over the power rating, 0 without one", FROM_CASE] = 0.0
-    Vcmin: Annotated[float, "pu", "lowest voltage, at which it is empty", Interval(gt=0, lt=1)] = 0.5
+    Vcmin: Annotated[float, "pu", "lowest voltage, at which it is empty", Interval(gt=0, le=1)] = 0.5
     Rs: Annotated[float, "pu", "series resistance", NOT_NEGATIVE] = 0.02
     Icmax: Annotated[float, "pu", "current limit", POSITIVE] = 2.0
 
@@ -56,9 +56,9 @@ def current(v, P, p):
 
 @inline
 def most(x, p):
-    """Largest power that it takes and gives, over the rating."""
-    v, drop = voltage(x.energy, p), p.Rs * p.Icmax
-    return at_most((v + drop) * p.Icmax, 1.0), at_most((v - drop) * p.Icmax, 1.0)
+    """Largest power that it takes and gives, over the rating, k^2 the round-trip efficiency of the conversion."""
+    v, drop, k = voltage(x.energy, p), p.Rs * p.Icmax, p.efficiency
+    return at_most((v + drop) * p.Icmax / k, 1.0), at_most((v - drop) * p.Icmax * k, 1.0)
 
 
 @inline
