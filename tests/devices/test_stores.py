@@ -12,7 +12,7 @@ from stabctl.dynamics import operating_point, storage
 from stabctl.simulation.stages import stages
 
 FULL = 0.02 * 3600 / 100  # pu s   of 0.02 MWh
-CYCLE = {0.2: 1.0, 0.8: -1.0, 1.8: 0.3}
+CYCLE = {0.2: 1.0, 0.8: -1.0, 1.5: 0.3}
 SUPERCAP = "Rs=0.1 Icmax=2.4 Vcmin=0.6"
 FLYWHEEL = "wlow=0.4 friction=0.05 windage=0.1"
 TEXT = {"supercap": SUPERCAP, "flywheel": FLYWHEEL}
@@ -53,7 +53,7 @@ def lost(model, P, energy):
 @pytest.mark.parametrize("model", one_of("supercap", "flywheel", *(m for m in LOSSY if "_" in m)))
 def test_energy_is_what_came_in_less_the_losses(model, efficiency):
     """Over a cycle: the power at the terminals against the energy, summed over the stages of all Runge-Kutta steps."""
-    run = driven(stored(model, efficiency=efficiency, converter=TEXT[model.split("_")[0]]), CYCLE, until=2.4)
+    run = driven(stored(model, efficiency=efficiency, converter=TEXT[model.split("_")[0]]), CYCLE, until=2.0)
     at, lay = storage.places(run.point.system, run.point.case), run.point.layout
     gained, lossy, way = [0.0], 0.0, np.sqrt(efficiency)
     for part in stages(run):
@@ -83,11 +83,9 @@ def test_a_round_trip_of_a_supercapacitor_costs_what_its_resistance_takes():
 @pytest.mark.parametrize(
     ("model", "text", "most"),
     [
-        ("supercap", "Vcmin=0.5 Rs=0.05 Icmax=1.2", lambda e: 0.9 * (np.sqrt(0.25 + 0.75 * e) - 0.06) * 1.2),
-        ("flywheel", "wlow=0.5 torque=1.1", lambda e: 0.9 * 1.1 * np.sqrt(0.25 + 0.75 * e)),
-        *one_of(
-            ("supercap_regc", "Vcmin=0.5 Rs=0.05 Icmax=1.2", lambda e: 0.9 * (np.sqrt(0.25 + 0.75 * e) - 0.06) * 1.2)
-        ),
+        ("supercap", "Rs=0.05 Icmax=1.2", lambda v: 0.9 * (v - 0.05 * 1.2) * 1.2),
+        ("flywheel", "torque=1.1", lambda w: 0.9 * 1.1 * w),
+        pytest.param("supercap_regc", "Rs=0.05 Icmax=1.2", lambda v: 0.9 * (v - 0.06) * 1.2, marks=pytest.mark.slow),
     ],
 )
 def test_its_power_falls_as_it_empties(model, text, most):
@@ -95,7 +93,7 @@ def test_its_power_falls_as_it_empties(model, text, most):
     run = driven(stored(model, charge=0.6, efficiency=0.81, converter=text), {0.2: -1.0}, until=1.4)
     given, charge = -run.arrays.storage[:, 0] / 40, signal(run, "charge")
     busy = (run.time > 0.5) & (charge > 0.02)
-    wanted = np.minimum(most(charge), 1.0)
+    wanted = np.minimum(most(np.sqrt(0.25 + 0.75 * charge)), 1.0)  # voltage or speed, half of it where it is empty
     assert given[busy] == pytest.approx(wanted[busy], abs=1e-12 if model in STORES else 0.02)
     assert given[busy].min() < 0.8
     assert charge.min() > -1e-9
