@@ -31,8 +31,9 @@ TEXT = (
     f"the least usable energy, in steps of {STEP - 1:.0%}, with which it is still reached.",
     "A supercapacitor down to half its voltage and a flywheel down to half its speed use three quarters of the energy "
     "that is installed. Icmax and torque are in rated power over full voltage or speed: with 2 they give full power "
-    "almost to the end, with 1.2 it falls with voltage or speed. The station supplies the losses that a flywheel has at "
-    "its initial speed, also when it has slowed down: each MW s gained saves two, as half of the energy is there at first.",
+    "almost to the end, with 1.2 it falls with voltage or speed. The station supplies the losses of a flywheel at "
+    "its initial speed, and goes on when it has slowed down. Each MW s that it gains so saves two, as half of the energy "
+    "is there at first.",
 )
 
 

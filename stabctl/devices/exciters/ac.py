@@ -22,12 +22,6 @@ class State(NamedTuple):
 
 
 @inline
-def output(x, u, p):
-    """Field voltage Efd = VE FEX(KC Ifd/VE) (pu)."""
-    return Output(rectified(x.ve, p.KC, u.Ifd))
-
-
-@inline
 def load(x, u, p):
     """VFE = (KE + SE(VE)) VE + KD Ifd, what the exciter needs at its field (pu)."""
     return field_demand(x.ve, p.KE, p.SA, p.SB) + p.KD * u.Ifd
@@ -35,7 +29,7 @@ def load(x, u, p):
 
 @inline
 def regulated(x, u, p):
-    """Regulator output before its limits and VFE (pu), and state derivatives (1/s) with `ve` still to be driven."""
+    """Regulator output before its limits and VFE (pu), and state derivatives (1/s) with that of `ve` left open."""
     vfe = load(x, u, p)
     vf, d_vf = derivative(p.KF, p.TF, vfe, x.vf)
     vm, d_vm = lag(p.TR, u.vt, x.vm)
@@ -45,9 +39,10 @@ def regulated(x, u, p):
 
 
 @inline
-def driven(d, drive, vfe, p):
-    """State derivatives (1/s) with the voltage `drive` at the field of the exciter."""
-    return State(vm=d.vm, va=d.va, vr=d.vr, ve=(drive - vfe) / p.TE, vf=d.vf)
+def excited(x, u, drive, vfe, d, p):
+    """Field voltage Efd = VE FEX(KC Ifd/VE) (pu), and derivatives (1/s) with `drive` at the field of the exciter."""
+    rates = State(vm=d.vm, va=d.va, vr=d.vr, ve=(drive - vfe) / p.TE, vf=d.vf)
+    return Output(rectified(x.ve, p.KC, u.Ifd)), rates
 
 
 def guess(V, I, p):

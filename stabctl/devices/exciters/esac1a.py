@@ -22,7 +22,7 @@ from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import clip
 
 from . import shared
-from .ac import State, driven, guess, output, regulated
+from .ac import State, excited, guess, regulated
 from .shared import LoadedInput as Input
 from .shared import Output, prepare
 
@@ -31,8 +31,7 @@ ROLE = "exciter"
 LIMITS = {"vr": ("VAmin", "VAmax"), "ve": (0.0, np.inf)}
 DYR = {"ESAC1A": "TR TB TC KA TA VAmax VAmin TE KF TF KC KD KE E1 SE1 E2 SE2 VRmax VRmin"}
 __all__ = [
-    "DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "from_record", "guess", "output",
-    "prepare",
+    "DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record", "guess", "prepare",
 ]  # fmt: skip
 
 
@@ -67,10 +66,10 @@ class Par(NamedTuple):
 
 
 @inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
+def equations(x, u, p):
+    """Field voltage Efd (pu), and state derivatives (1/s)."""
     vr, vfe, d = regulated(x, u, p)
-    return driven(d, clip(clip(vr, p.VAmin, p.VAmax), p.VRmin, p.VRmax), vfe, p)
+    return excited(x, u, clip(clip(vr, p.VAmin, p.VAmax), p.VRmin, p.VRmax), vfe, d, p)
 
 
 def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:

@@ -19,10 +19,10 @@ from annotated_types import Ge
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import at_least, at_most, clip, lag, lead_lag
+from stabctl.devices.blocks import at_least, at_most, clip, lag, lead_lag, rectified
 
 from . import shared
-from .ac import load, output
+from .ac import load
 from .shared import LoadedInput as Input
 from .shared import Output, prepare
 
@@ -31,8 +31,7 @@ ROLE = "exciter"
 LIMITS = {"ve": (0.0, np.inf)}
 DYR = {"ESAC6A": "TR KA TA TK TB TC VAmax VAmin VRmax VRmin TE VFELIM KH VHmax TH TJ KC KD KE E1 SE1 E2 SE2"}
 __all__ = [
-    "DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "from_record", "guess", "output",
-    "prepare",
+    "DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record", "guess", "prepare",
 ]  # fmt: skip
 
 
@@ -81,8 +80,8 @@ class State(NamedTuple):
 
 
 @inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
+def equations(x, u, p):
+    """Field voltage Efd = VE FEX(KC Ifd/VE) (pu), and state derivatives (1/s)."""
     vfe = load(x, u, p)
     vm, d_vm = lag(p.TR, u.vt, x.vm)
     va, d_va = lead_lag(p.TK, p.TA, u.Vref - vm + u.Vs, x.va)
@@ -90,7 +89,8 @@ def derivatives(x, u, p):
     vh, d_vh = lead_lag(p.TJ, p.TH, vfe - p.VFELIM, x.vh)
     vh = at_most(at_least(p.KH * vh, 0.0), p.VHmax)
     drive = clip(clip(vb, p.VAmin, p.VAmax) - vh, u.vt * p.VRmin, u.vt * p.VRmax)
-    return State(vm=d_vm, va=d_va, vb=d_vb, ve=(drive - vfe) / p.TE, vh=d_vh)
+    rates = State(vm=d_vm, va=d_va, vb=d_vb, ve=(drive - vfe) / p.TE, vh=d_vh)
+    return Output(rectified(x.ve, p.KC, u.Ifd)), rates
 
 
 def guess(V, I, p):

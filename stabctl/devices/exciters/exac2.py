@@ -23,7 +23,7 @@ from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import clip, low_value
 
 from . import shared
-from .ac import State, driven, guess, output, regulated
+from .ac import State, excited, guess, regulated
 from .shared import LoadedInput as Input
 from .shared import Output, prepare
 
@@ -32,8 +32,7 @@ ROLE = "exciter"
 LIMITS = {"vr": ("VAmin", "VAmax"), "ve": (0.0, np.inf)}
 DYR = {"EXAC2": "TR TB TC KA TA VAmax VAmin KB VRmax VRmin TE KL KH KF TF KC KD KE VLR E1 SE1 E2 SE2"}
 __all__ = [
-    "DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "derivatives", "from_record", "guess", "output",
-    "prepare",
+    "DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record", "guess", "prepare",
 ]  # fmt: skip
 
 
@@ -72,11 +71,11 @@ class Par(NamedTuple):
 
 
 @inline
-def derivatives(x, u, p):
-    """State derivatives (1/s)."""
+def equations(x, u, p):
+    """Field voltage Efd (pu), and state derivatives (1/s)."""
     vr, vfe, d = regulated(x, u, p)
     drive = p.KB * low_value(clip(vr, p.VAmin, p.VAmax) - p.KH * vfe, p.KL * (p.VLR - vfe))
-    return driven(d, clip(drive, p.VRmin, p.VRmax), vfe, p)
+    return excited(x, u, clip(drive, p.VRmin, p.VRmax), vfe, d, p)
 
 
 def from_record(kind: str, values: dict[str, float]) -> tuple[Par, list[str]]:
