@@ -32,8 +32,8 @@ TEXT = (
     "A supercapacitor down to half its voltage and a flywheel down to half its speed use three quarters of the energy "
     "that is installed. Icmax and torque are in rated power over full voltage or speed: with 2 they give full power "
     "almost to the end, with 1.2 it falls with voltage or speed. The station supplies the losses of a flywheel at "
-    "its initial speed, and goes on when it has slowed down. Each MW s that it gains so saves two, as half of the energy "
-    "is there at first.",
+    "its initial speed, and goes on when it has slowed down. Each MW s that it gains so saves two, as half of the "
+    "energy is there at first.",
 )
 
 

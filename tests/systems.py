@@ -3,6 +3,7 @@
 machine 1 -- bus 1 --- bus 2 (load) === bus 3 -- machine 2 (swing, GENCLS, ten times as large)
 """
 
+import re
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -122,6 +123,13 @@ GOVERNORS = {  # of machines at 0.3 to 0.85 pu, whose limits a large step of the
         G2=0.75, P2=0.55, P3=1.0, Velmax=0.1, Velmin=-0.1, Gatmax=0.9, Gatmin=0.3,
     ),
 }  # fmt: skip
+
+
+def table(name):
+    """Table of a device whose name, here, may go on after it: "scrx with a constant source"."""
+    return re.split(r"\W", name)[0]
+
+
 KINDS = {  # name -> devices of machine 1 and load 2; between them every model, and every branch of its equations
     "classical": {"gencls": CLASSICAL},
     "classical with governor": {"gencls": CLASSICAL, "tgov": STEAM},
@@ -201,11 +209,8 @@ LIBRARY = {  # the same for devices of the library, whose tests are slow ones: e
     "ieel": {"gencls": CLASSICAL, "ieel": VARIED},
     "ieel of voltage": {"gencls": CLASSICAL, "ieel": VARIED._replace(a7=0.0, a8=0.0)},
     "two axes": {"two_axis": TWO_AXES, "sexs": SEXS, "tgov": STEAM},
-    **{name: {"genrou": SATURATED, par.__class__.__module__.rpartition(".")[2]: par} for name, par in EXCITERS.items()},
-    **{
-        name: {"genrou": ROUND, "sexs": SEXS, par.__class__.__module__.rpartition(".")[2]: par}
-        for name, par in STABILIZERS.items()
-    },
+    **{name: {"genrou": SATURATED, table(name): par} for name, par in EXCITERS.items()},
+    **{name: {"genrou": ROUND, "sexs": SEXS, table(name): par} for name, par in STABILIZERS.items()},
 }
 
 OWN_KINDS = {  # name -> devices of machine 1, and a device of the user's: its table and constants

@@ -349,7 +349,10 @@ def test_grid_forming_storage_keeps_its_island_alive_and_grid_following_storage_
         ({"converter": "Imax"}, "does not set a parameter"),
         ({"converter": "Tg=0"}, "Tg = 0.0 must be a number of at least 0.001"),
         ({"converter": "Qmin=0.5 Qmax=0.2"}, "Qmin = 0.5 is above Qmax = 0.2"),
-        ({"storage_model": "regc_repc", "converter": "repc_Kpi=1"}, "no parameter 'repc_Kpi'; choose one of repc_K"),
+        (
+            {"storage_model": "regc_repc", "converter": "repc_Kpi=1"},
+            "no parameter 'repc_Kpi' of REPC_A, REGC_A and REEC_C of storage; choose one of repc_K",
+        ),
         ({"storage_model": "regc_repc", "converter": "QFlag=1 VFlag=0"}, "set it above the voltage, such as 1.1"),
         ({"storage_model": "regfm", "converter": "mq=0"}, "must be above 0 with VFlag = 1"),
         ({"storage_model": "regfm", "converter": "Emin=1 Emax=0.9"}, "Emax = 0.9 must be above Emin = 1"),

@@ -97,4 +97,4 @@ def _text(text: str, of: tuple[Any, ...]) -> str:
     text = text.replace("STORE", of[0].NAME).replace("CONVERTER", of[1].NAME if len(of) > 1 else "")
     title, _, rest = text.partition("\n")
     before = of[2].NAME if len(of) > 2 else ""
-    return f"{title.rstrip('.')}{before and f', after {before}'}.\n{rest}"
+    return f"{title.rstrip('.')}{before and f', and plant control {before}'}.\n{rest}"

@@ -1,10 +1,12 @@
 """REEC_C in storage, whose charge is that of the store, and which holds no power factor."""
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
-from stabctl.devices.converters import electrical
+from stabctl.devices.converters import electrical, reec_c
 from stabctl.devices.converters.electrical import table_p, table_q
+
+from .joined import Kit
 
 
 class State(NamedTuple):
@@ -15,6 +17,15 @@ class State(NamedTuple):
     iv: Annotated[float, "pu", "integral of the voltage error"]
     iqr: Annotated[float, "pu", "lagged reactive current"]
     pord: Annotated[float, "pu", "power order"]
+
+
+def kit(converter: Any, store: Any, before: Any) -> Kit:
+    """The published models of a grid-following converter of storage."""
+    name, parts = f"{converter.NAME} and REEC_C of storage", (converter.Par, reec_c.Par, store.Par)
+    defaults = {"Pmin": -1.0, "Qmin": -1.0, "Qmax": 1.0}
+    without = ("PfFlag", "Tp", "T", "SOCini", "SOCmax", "SOCmin")
+    made: Kit = before.kit(Kit(name, parts, defaults, without, finite=store.FINITE))
+    return made
 
 
 def guess(V, p):

@@ -1,4 +1,4 @@
-"""STORE behind the grid-following converter CONVERTER with the electrical control REEC_C of batteries.
+"""STORE behind CONVERTER with REEC_C, a grid-following converter.
 
 order   -> share    -> (zero if full or empty) -> Pref = -rated share    -> REEC_C -> Ipcmd -> CONVERTER
 order_q -> reactive -> (what P leaves of Smax) -> Qext = -rated reactive -> REEC_C -> Iqcmd -> CONVERTER
@@ -18,6 +18,7 @@ from typing import Annotated, Any, NamedTuple
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import at_least, available, magnitude, shortened
 from stabctl.devices.converters import electrical, reec_c
+from stabctl.devices.device import of
 
 from . import control, joined, order, parts
 
@@ -27,15 +28,14 @@ NAME = __name__.rpartition(".")[2].upper()
 ROLE = "storage"
 LIMITS = {"energy": ("floor", "capacity"), "pord": ("Pmin", "Pmax")}
 STOPS = ("energy",)
-UPPER = converter.UPPER
 DEADBANDS = before.DEADBANDS
 CURRENT_LIMIT = "Imax"
-KIT = joined.following(converter, store, before)
+KIT = control.kit(converter, store, before)
 Input: Any = before.Input
 Par: Any = joined.joined(joined.Store, converter.Par, reec_c.Par, before.Par, store.Par)
 State: Any = joined.joined(order.State, control.State, converter.State, before.State)
 REACH = inf if "Imax" in converter.Par._fields else 1.0  # of Imax; a converter that knows Imax is within it
-admittance = getattr(converter, "admittance", None)
+UPPER, admittance = of(converter).upper, of(converter).admittance
 
 
 class Output(NamedTuple):
@@ -49,9 +49,9 @@ class Output(NamedTuple):
     vt: Annotated[float, "pu", "terminal voltage"]
 
 
-def from_case(device: Any, base_mva: float) -> Any:
+def from_case(row: Any, base_mva: float) -> Any:
     """Parameters from a row of storage.csv; V0 is filled from the power flow."""
-    return joined.from_row(KIT, Par, device, base_mva)
+    return joined.from_row(KIT, Par, row, base_mva)
 
 
 def prepare(p: Any) -> Any:

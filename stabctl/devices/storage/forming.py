@@ -1,4 +1,4 @@
-"""STORE behind the grid-forming converter CONVERTER, a voltage source behind a reactance.
+"""STORE behind CONVERTER, a grid-forming converter.
 
 order   -> share    -> (zero if full or empty) -> Pref = -rated share    -> CONVERTER
 order_q -> reactive -> (what P leaves of Smax) -> Qref = -rated reactive -> CONVERTER
@@ -17,6 +17,7 @@ from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import at_least, available
+from stabctl.devices.device import of
 
 from . import joined, order, parts
 
@@ -24,14 +25,12 @@ store, converter = parts(__name__)
 
 NAME = __name__.rpartition(".")[2].upper()
 ROLE = "storage"
-UNVERIFIED = getattr(converter, "UNVERIFIED", "")
-LIMITS = converter.LIMITS
-UPPER = converter.UPPER
-ANGLES = getattr(converter, "ANGLES", ("delta",))
+device = of(converter)
+LIMITS, UPPER, ANGLES, UNVERIFIED = device.limits, device.upper, device.angles, device.unverified
 CURRENT_LIMIT = "ImaxF"
 Input = joined.Input
 State: Any = joined.joined(order.State, converter.State)
-admittance, prepare = converter.admittance, getattr(converter, "prepare", None)
+admittance, prepare = device.admittance, device.prepare
 
 
 class Vref(NamedTuple):
@@ -73,9 +72,9 @@ KIT = joined.Kit(
 )
 
 
-def from_case(device: Any, base_mva: float) -> Any:
+def from_case(row: Any, base_mva: float) -> Any:
     """Parameters from a row of storage.csv; V0 and wb are filled from the case."""
-    return joined.from_row(KIT, Par, device, base_mva)
+    return joined.from_row(KIT, Par, row, base_mva)
 
 
 def guess(V: complex, p: Any) -> Any:

@@ -1,4 +1,4 @@
-"""STORE behind a grid-following converter with phase-locked loop and inner current control, CONVERTER with REEC_C.
+"""STORE behind CONVERTER with REEC_C, a grid-following converter with a phase-locked loop.
 
 order   -> share    -> (zero if full or empty) -> Pref = -rated share    -> REEC_C -> Ipcmd -> CONVERTER
 order_q -> reactive -> (what P leaves of Smax) -> Qext = -rated reactive -> REEC_C -> Iqcmd -> CONVERTER
@@ -29,7 +29,7 @@ DEADBANDS = before.DEADBANDS
 CURRENT_LIMIT = "Imax"
 ANGLES = converter.ANGLES
 PLL = converter.PLL
-KIT = joined.following(converter, store, before)
+KIT = control.kit(converter, store, before)
 Input: Any = before.Input
 Par: Any = joined.joined(joined.Store, converter.Par, reec_c.Par, before.Par, store.Par)
 State: Any = joined.joined(order.State, control.State, converter.State, before.State)
@@ -49,9 +49,9 @@ class Output(NamedTuple):
     wpll: Annotated[float, "pu", "frequency of the phase-locked loop"]
 
 
-def from_case(device: Any, base_mva: float) -> Any:
+def from_case(row: Any, base_mva: float) -> Any:
     """Parameters from a row of storage.csv; V0 and wb are filled from the case."""
-    return joined.from_row(KIT, Par, device, base_mva)
+    return joined.from_row(KIT, Par, row, base_mva)
 
 
 def prepare(p: Any) -> Any:

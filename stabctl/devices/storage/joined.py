@@ -11,7 +11,6 @@ import numpy as np
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.schema import fields
 from stabctl._util.validation import Invalid, checked
-from stabctl.devices.converters import reec_c
 from stabctl.devices.ports import fixed
 
 from . import order
@@ -51,19 +50,6 @@ def joined(*records: type) -> Any:
 
 
 Store: Any = joined(order.Par, Rated)
-
-
-def following(converter: Any, store: Any, before: Any) -> Kit:
-    """The published models of a grid-following converter of storage."""
-    own = Kit(
-        f"{converter.NAME} and REEC_C of storage",
-        (converter.Par, reec_c.Par, store.Par),
-        {"Pmin": -1.0, "Qmin": -1.0, "Qmax": 1.0},
-        ("PfFlag", "Tp", "T", "SOCini", "SOCmax", "SOCmin"),
-        finite=store.FINITE,
-    )
-    kit: Kit = before.kit(own)
-    return kit
 
 
 def from_row(kit: Kit, record: Any, device: Any, base_mva: float) -> Any:
