@@ -90,7 +90,7 @@ def with_ratings(system: System, case: Case, rows: Sequence[Storage]) -> System:
     of = list(zip(members(system, case), rows, strict=True))
     for (f, j), row in of:
         par, names = f.device.call("from_case", row, case.base_mva), f.device.Par._fields
-        known = {name: k[f.name][j, names.index(name)] for name in ("V0", "wb") if name in names}
+        known = {name: k[f.name][j, names.index(name)] for name in ("V0", "wb", "running") if name in names}
         par = par._replace(**known)
         k[f.name][j] = f.device.prepared(par)
     for name, constants in k.items():

@@ -50,6 +50,8 @@ def away(point):
     s[resting] = point.s[resting]
     s[[lay.first_setpoint + k for k, p in enumerate(lay.setpoints) if p.name == "order"]] = -0.5
     s[[k for k, p in enumerate(lay.states) if p.name == "share"]] = -0.4
+    delivers = ("_regc", "_regc_repc")  # behind REGC_A, whose current is a state
+    s[[k for k, p in enumerate(lay.states) if p.name == "ip" and p.table.endswith(delivers)]] = 0.3
     return s
 
 

@@ -25,6 +25,7 @@ store, converter = parts(__name__)
 
 NAME = __name__.rpartition(".")[2].upper()
 ROLE = "storage"
+automatic = store.automatic
 device = of(converter)
 LIMITS, UPPER, ANGLES, UNVERIFIED = device.limits, device.upper, device.angles, device.unverified
 CURRENT_LIMIT = "ImaxF"

@@ -22,6 +22,7 @@ store, converter, before = parts(__name__)
 
 NAME = __name__.rpartition(".")[2].upper()
 ROLE = "storage"
+automatic = store.automatic
 LIMITS = {"energy": ("floor", "capacity"), "pord": ("Pmin", "Pmax")}
 STOPS = ("energy",)
 UPPER = converter.UPPER

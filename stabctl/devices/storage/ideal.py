@@ -19,6 +19,7 @@ from .order import Input, State
 
 NAME = __name__.rpartition(".")[2].upper()
 ROLE = "storage"
+automatic = store.automatic
 LIMITS = {"energy": ("floor", "capacity")}
 STOPS = ("energy",)
 KIT = joined.Kit(f"{store.NAME}", (store.Par,), finite=store.FINITE)

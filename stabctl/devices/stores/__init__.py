@@ -9,6 +9,7 @@ class Store(Protocol):
     NAME: str
     Par: Any  # its own parameters, beside those of every storage device
     FINITE: bool  # whether its energy must be limited
+    automatic: Any  # its parameters after the start from those before, or None
 
     def most(self, x: Any, p: Any) -> tuple[Any, Any]:
         """Largest power that it takes and gives, over the rating; full or empty it is stopped elsewhere."""

@@ -9,6 +9,7 @@ from stabctl.devices.device import Empty
 NAME = "ESD"
 FINITE = False
 Par = Empty
+automatic = None
 
 
 @inline

@@ -25,6 +25,7 @@ from stabctl.devices.blocks import at_least, at_most
 
 NAME = "FLYWHEEL"
 FINITE = True
+automatic = None
 
 
 class Par(NamedTuple):

@@ -31,6 +31,7 @@ class Par(NamedTuple):
     """Parameters of the store of one device."""
 
     inverse: Annotated[float, "1/pu", "1 over the power rating, 0 without one", FROM_CASE] = 0.0
+    running: Annotated[float, "-", "whether the start is over; before, v is that of the start", FROM_CASE] = 0.0
     Vcmin: Annotated[float, "pu", "lowest voltage, at which it is empty", Interval(gt=0, le=1)] = 0.5
     Rs: Annotated[float, "pu", "series resistance", NOT_NEGATIVE] = 0.02
     Icmax: Annotated[float, "pu", "current limit", POSITIVE] = 2.0
@@ -41,10 +42,15 @@ class Par(NamedTuple):
             yield "Icmax", f"must be at most Vcmin/(2 Rs) = {self.Vcmin / (2 * self.Rs):.4g}, the current of most power"
 
 
+def automatic(p):
+    """Parameters after the start."""
+    return p._replace(running=1.0)
+
+
 @inline
-def voltage(energy, p):
+def voltage(x, p):
     """Voltage of the capacitance (pu of the full one)."""
-    low = p.Vcmin * p.Vcmin
+    low, energy = p.Vcmin * p.Vcmin, x.energy if p.running > 0.5 else p.stored + 0 * x.energy
     return np.sqrt(at_least(low + (1 - low) * energy / p.capacity, 1e-6))
 
 
@@ -57,12 +63,12 @@ def current(v, P, p):
 @inline
 def most(x, p):
     """Largest power that it takes and gives, over the rating, k^2 the round-trip efficiency of the conversion."""
-    v, drop, k = voltage(x.energy, p), p.Rs * p.Icmax, p.efficiency
+    v, drop, k = voltage(x, p), p.Rs * p.Icmax, p.efficiency
     return at_most((v + drop) * p.Icmax / k, 1.0), at_most((v - drop) * p.Icmax * k, 1.0)
 
 
 @inline
 def rate(x, P, p):
     """Derivative of its energy (pu)."""
-    v = voltage(x.energy, p)
+    v = voltage(x, p)
     return v * current(v, P, p)
