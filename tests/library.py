@@ -1,6 +1,7 @@
 """One row of parameters of every exciter and stabilizer of the library, and more where it has more branches."""
 
 from records import (
+    ac8b,
     dc4b,
     esac1a,
     esac6a,
@@ -55,6 +56,10 @@ EXCITERS = {  # name -> exciter
     "esac6a": esac6a.Par(
         **AMPLIFIER, **ALTERNATOR, TK=0.02, VAmax=20.0, VAmin=-20.0, VRmax=15.0, VRmin=-15.0, VFELIM=0.5, KH=0.1,
         VHmax=5.0, TH=0.1, TJ=0.05,
+    ),
+    "ac8b": ac8b.Par(
+        TR=0.02, KPR=8.0, KIR=5.0, KDR=0.5, TDR=0.1, VPIDmax=35.0, VPIDmin=-5.0, KA=1.0, TA=0.02, VRmax=35.0, VRmin=0.0,
+        VFEmax=12.0, VEmin=0.0, **ALTERNATOR,
     ),
     "esst1a": esst1a.Par(
         **STATIC, TC=0.5, TB=1.0, TC1=0.1, TB1=0.05, KA=80.0, TA=0.05, VAmax=9.0, VAmin=-9.0, KC=0.1, KF=0.01,

@@ -137,6 +137,10 @@ def esac6a(p, x, u):
     return alternator(p, x, p.KA * lead(p.TK, p.TA) * lead(p.TC, p.TB), limiter)
 
 
+def ac8b(p, x, u):
+    return alternator(p, x, (pi(p.KPR, p.KIR) + rate(p.KDR, p.TDR)) * p.KA * lag(p.TA), 0)
+
+
 def esst1a(p, x, u):
     R = regulator(p) * lead(p.TC1, p.TB1)
     return {
@@ -211,6 +215,7 @@ EXCITERS = {  # name -> device, its diagram, and parameters that are not drawn
     "exac2": ("exac2", exac2, AC | {"KL": 10.0, "VLR": 1e6}),
     "esac6a": ("esac6a", esac6a, AC | {"VFELIM": 1e3}),
     "esac6a limiting its field current": ("esac6a", esac6a, AC | {"VFELIM": 0.0}),
+    "ac8b": ("ac8b", ac8b, AC),
     "esst1a": ("esst1a", esst1a, {"KLR": 2.0, "ILR": 1.0}),
     "esst3a": ("esst3a", esst3a, SOURCE),
     "esst4b": ("esst4b", esst4b, SOURCE),
@@ -345,6 +350,7 @@ QUICK = dict.fromkeys(("A1", "A2", "A3", "A4", "A5", "A6", "T4", "T5", "T6", "T7
     "T9": 0.02,
     "KS1": 10.0,
 }
+PID = {"KPR": 1.0, "KIR": 0.5, "KDR": 0.0, "VRmax": 9.0, "VRmin": -9.0, "VEmin": 0.0, "VFEmax": 99.0}
 LIMITED = [  # device, input that is driven, parameters, the signal that is limited, and its limits
     ("sexs", "Vref", {"Efdmax": 4.0, "Efdmin": -1.0}, "efd", 4.0, -1.0),
     (
@@ -385,6 +391,9 @@ LIMITED = [  # device, input that is driven, parameters, the signal that is limi
         6.0,
         0.0,
     ),
+    ("ac8b", "Vref", NO_AC | PID | {"VRmax": 4.0, "VRmin": -1.0}, "vr", 4.0, -1.0),
+    ("ac8b", "Vref", NO_AC | PID | {"VPIDmax": 0.2, "VPIDmin": 0.05, "TA": 0.0, "TE": 0.01}, "ve", 4.0, 1.0),
+    ("ac8b", "Vref", NO_AC | PID | {"VFEmax": 4.0, "VEmin": 0.5, "TE": 0.05}, "ve", 4.0, 0.5),
     ("esst1a", "Vref", {"VAmax": 4.0, "VAmin": -1.0, "KLR": 0.0, "KC": 0.0, "TB1": 0.0}, "vr", 4.0, -1.0),
     (
         "esst1a",

@@ -123,6 +123,18 @@ def esac6a(p, x, u, _):
     )
 
 
+def ac8b(p, x, u, _):
+    e, rates = error(p, x, u)
+    fast = p.KPR * e + p.KDR / p.TDR * (e - x.vd)
+    y = fast + x.vi
+    rests = (y >= p.VPIDmax and p.KIR * e > 0) or (y <= p.VPIDmin and p.KIR * e < 0)
+    field, found = alternator(p, x, u, held(x.vr, p.VRmin, p.VRmax))
+    found["ve"] = min(found["ve"], 100 * (p.VFEmax - field))
+    drive = p.KA * held(y, p.VPIDmin, p.VPIDmax)
+    regulator = {"vi": 0.0 if rests else p.KIR * e, "vd": (e - x.vd) / p.TDR, "vr": (drive - x.vr) / p.TA}
+    return rates | found | regulator
+
+
 def sexs(p, x, u, _):
     e, rates = error(p, x, u)
     drive = p.KA * lead(p.TC, p.TB, e, x.va)
@@ -336,7 +348,14 @@ def pss2b(p, x, u, _):
 
 ITS = {"E1": (1.0, 1.4), "SE1": (0.05, 0.2), "E2": (1.8, 2.4), "SE2": (0.3, 0.6), "THETAP": (10.0, 40.0)}
 ITS |= {"u.vt": (0.2, 1.4), "u.delta": (-3, 3), "x.efd": (-0.5, 3.0), "x.ve": (-0.2, 3.0), "u.Ifd": (-0.5, 3.0)}
-ITS |= {"resistor": (0.2, 0.9), "switch": [0, 1], "SW1": [0, 1], "VFELIM": (0.2, 2.0), "VLR": (1.0, 3.0)}
+ITS |= {
+    "resistor": (0.2, 0.9),
+    "switch": [0, 1],
+    "SW1": [0, 1],
+    "VFELIM": (0.2, 2.0),
+    "VFEmax": (0.5, 3.0),
+    "VLR": (1.0, 3.0),
+}
 ITS |= {"VHmax": (0.2, 0.6), "KA": (0.5, 3.0), "VCU": (0.7, 1.1), "VCL": (0.3, 0.6), "V0": (0.0, 0.3)}
 ITS |= {"u.omega": (0.5, 1.5), "Hmax": (0.2, 0.6), "Lmax": (0.1, 0.4), "VSTmax": (0.1, 0.4), "u.P": (-1.0, 1.0)}
 ITS |= {"VS1max": (0.1, 0.3), "VS1min": (-0.3, -0.1), "VS2max": (0.4, 0.8), "VS2min": (-0.8, -0.4)}
@@ -344,7 +363,7 @@ CODES = {"code1": [1, 3, 5], "code2": [0, 1, 3, 5], "code": [1, 3, 5], "M": [1, 
 MODELS = {
     **dict.fromkeys(("ieeet1", "ieeex1", "exdc2", "esdc1a", "esdc2a"), dc),
     **dict.fromkeys(("exac1", "esac1a", "exac2"), ac),
-    **{f.__name__: f for f in (ieeet2, dc4b, esac6a, sexs, scrx, exst1, esst1a, esst3a, esst4b, exst3, expic1)},
+    **{f.__name__: f for f in (ieeet2, dc4b, esac6a, ac8b, sexs, scrx, exst1, esst1a, esst3a, esst4b, exst3, expic1)},
     **{f.__name__: f for f in (st6b, st8c, pss, ieeest, st2cut, stab2a, pss2b)},
 }
 
