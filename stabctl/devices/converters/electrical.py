@@ -1,4 +1,4 @@
-"""What the electrical controls REEC_A, REEC_B and REEC_C share: signals, reactive and active current, current limits.
+"""What the electrical controls REEC_A to REEC_D share: signals, reactive and active current, current limits.
 
     Qref = Qext, or tan(pf) P/(1+sTp) with PfFlag = 1, held between Qmin and Qmax
     Vref = [Kqp + Kqi/s] (Qref - Q) between Vmin and Vmax with VFlag = 1, otherwise the same input as a voltage
@@ -28,6 +28,7 @@ from stabctl.devices.blocks import (
     lag_rate,
     lookup,
     low_value,
+    magnitude,
     pi,
     rate_limit,
     while_within,
@@ -97,26 +98,34 @@ def prioritized(ip, iq, low, p):
 
 
 @inline
-def table_q(x, u, p):
-    """Limit of the reactive current by the curve VDL1 (pu)."""
-    vf, _ = lag(p.Trv, u.vt, x.vm)
-    return lookup(vf, (p.Vq1, p.Vq2, p.Vq3, p.Vq4), (p.Iq1, p.Iq2, p.Iq3, p.Iq4))
+def curves(vf, p):
+    """Limits of the active and of the reactive current (pu) by the curves VDL2 and VDL1 of four points."""
+    most_p = lookup(vf, (p.Vp1, p.Vp2, p.Vp3, p.Vp4), (p.Ip1, p.Ip2, p.Ip3, p.Ip4))
+    return most_p, lookup(vf, (p.Vq1, p.Vq2, p.Vq3, p.Vq4), (p.Iq1, p.Iq2, p.Iq3, p.Iq4))
 
 
 @inline
-def table_p(x, u, p):
-    """Limit of the active current by the curve VDL2 (pu)."""
-    vf, _ = lag(p.Trv, u.vt, x.vm)
-    return lookup(vf, (p.Vp1, p.Vp2, p.Vp3, p.Vp4), (p.Ip1, p.Ip2, p.Ip3, p.Ip4))
+def behind(v, P, Q, p):
+    """Voltage |V - (Rc + j Xc) I| (pu) behind a compensating impedance, at the voltage v and the power P + jQ."""
+    at = at_least(v, 0.01)
+    return magnitude(v - (p.Rc * P + p.Xc * Q) / at, -(p.Xc * P - p.Rc * Q) / at)
+
+
+class Own(NamedTuple):
+    """What one electrical control has of its own (pu)."""
+
+    pref: float  # power reference
+    aux: float  # power beside the order
+    vc: float  # voltage that the inner regulator holds
+    bias: float  # added to the voltage reference with VFlag = 0
+    low: float  # least active current over its limit: 0 for a plant, negative for storage
+    most_p: float  # limits of the currents by voltage
+    most_q: float
 
 
 @inline
-def commands(pref, x, u, p, bias, low, most_p, most_q):
-    """Active and reactive current command (pu), and state derivatives (1/s); regulators that are not in use rest.
-
-    `bias` is added to the voltage reference with VFlag = 0. `low` is 0 for a plant and -1 for storage, whose active
-    current may be negative; `most_p` and `most_q` are limits by voltage.
-    """
+def commands(x, u, p, own):
+    """Active and reactive current command (pu), and state derivatives (1/s); regulators that are not in use rest."""
     vf, d_vm = lag(p.Trv, u.vt, x.vm)
     divisor = at_least(vf, 0.01)
 
@@ -124,24 +133,24 @@ def commands(pref, x, u, p, bias, low, most_p, most_q):
     given = u.pfref * pf if p.PfFlag > 0.5 else u.Qext
     q = clip(given, p.Qmin, p.Qmax)
     from_q, d_vq = pi(p.Kqp, p.Kqi, q - u.Q, integral(p.Kqi, x.vq), p.Vmin, p.Vmax)
-    vref = from_q if p.VFlag > 0.5 else clip(given + bias, p.Vmin, p.Vmax)
+    vref = from_q if p.VFlag > 0.5 else clip(given + own.bias, p.Vmin, p.Vmax)
 
-    pord, _ = lag(p.Tpord, clip(pref, p.Pmin, p.Pmax), x.pord)
-    d_pord = rate_limit(lag_rate(p.Tpord, pref, x.pord), p.dPmin, p.dPmax)
-    ip, most_p, most_q = pord / divisor, at_most(most_p, p.Imax), at_most(most_q, p.Imax)
+    pord, _ = lag(p.Tpord, clip(own.pref, p.Pmin, p.Pmax), x.pord)
+    d_pord = rate_limit(lag_rate(p.Tpord, own.pref, x.pord), p.dPmin, p.dPmax)
+    ip, most_p, most_q = (pord + own.aux) / divisor, at_most(own.most_p, p.Imax), at_most(own.most_q, p.Imax)
     if p.PqFlag > 0.5:
-        ip = clip(ip, low * most_p, most_p)
+        ip = clip(ip, own.low * most_p, most_p)
         most_q = low_value(most_q, root(p.Imax, ip))
 
     inner = p.QFlag > 0.5
-    from_v, d_iv = pi(p.Kvp, p.Kvi, vref - vf, integral(p.Kvi, x.iv), -most_q, most_q)
+    from_v, d_iv = pi(p.Kvp, p.Kvi, vref - own.vc, integral(p.Kvi, x.iv), -most_q, most_q)
     lagged, d_iq = lag(p.Tiq, q / divisor, x.iq)
     error = (p.Vref0 if p.Vref0 > 0 else p.V0) - vf
     injected = clip(p.Kqv * deadband(error, p.dbd1, p.dbd2), p.Iqvmin, p.Iqvmax)
     iq = clip((from_v if inner else lagged) + injected, -most_q, most_q)
     if p.PqFlag <= 0.5:
         most_p = low_value(most_p, root(p.Imax, iq))
-        ip = clip(ip, low * most_p, most_p)
+        ip = clip(ip, own.low * most_p, most_p)
 
     d_vq, d_iv = steady(d_vq, inner and p.VFlag > 0.5, u, p), steady(d_iv, inner, u, p)
     d_iq, d_pord = steady(d_iq, not inner, u, p), steady(d_pord, True, u, p)
@@ -154,13 +163,14 @@ def rising(p: Any) -> Any:
     Points 0, 0 after the last of a curve are unused.
     """
     for v, i in (("Vq", "Iq"), ("Vp", "Ip")):
-        given = [(getattr(p, f"{v}{k}"), getattr(p, f"{i}{k}")) for k in range(1, 5)]
+        count = sum(name[:2] == v and name[2:].isdecimal() for name in p._fields)
+        given = [(getattr(p, f"{v}{k}"), getattr(p, f"{i}{k}")) for k in range(1, count + 1)]
         while len(given) > 1 and given[-1] == (0.0, 0.0):
             given.pop()
         points = sorted(dict(reversed(given)).items())
         if not any(limit for _, limit in points):
             points = [(0.0, NO_LIMIT)]
-        while len(points) < 4:
+        while len(points) < count:
             points.append((points[-1][0] + 1.0, points[-1][1]))
         for k, (volts, limit) in enumerate(points, 1):
             p = p._replace(**{f"{v}{k}": volts, f"{i}{k}": limit})

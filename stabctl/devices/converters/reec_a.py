@@ -18,9 +18,10 @@ from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
+from stabctl.devices.blocks import lag
 from stabctl.devices.ports import PORT, fixed
 
-from .electrical import FLAG, LOOPS, Output, State, commands, local, rising, table_p, table_q
+from .electrical import FLAG, LOOPS, Output, Own, State, commands, curves, local, rising
 
 NAME = "REEC_A"
 ROLE = "electrical control"
@@ -116,5 +117,6 @@ def prepare(p: Par) -> Par:
 def equations(x, u, p):
     """Current commands (pu), and state derivatives (1/s)."""
     pref = u.Pref * u.wg if p.PFlag > 0.5 else u.Pref
-    ip, iq, rates = commands(pref, x, u, p, p.Vref1, 0.0, table_p(x, u, p), table_q(x, u, p))
+    vf, _ = lag(p.Trv, u.vt, x.vm)
+    ip, iq, rates = commands(x, u, p, Own(pref, 0.0, vf, p.Vref1, 0.0, *curves(vf, p)))
     return Output(ip, iq), rates

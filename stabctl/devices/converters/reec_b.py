@@ -16,8 +16,9 @@ from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
+from stabctl.devices.blocks import lag
 
-from .electrical import FLAG, LOOPS, Input, Output, State, commands, local
+from .electrical import FLAG, LOOPS, Input, Output, Own, State, commands, local
 
 NAME = "REEC_B"
 ROLE = "electrical control"
@@ -72,6 +73,7 @@ def from_record(_kind: str, values: dict[str, Any]) -> tuple[dict[str, Any], lis
 @inline
 def equations(x, u, p):
     """Current commands (pu), and state derivatives (1/s)."""
-    most = p.Imax + 0 * u.vt
-    ip, iq, rates = commands(u.Pref, x, u, p, 0.0, 0.0, most, most)
+    vf, _ = lag(p.Trv, u.vt, x.vm)
+    most = p.Imax + 0 * vf
+    ip, iq, rates = commands(x, u, p, Own(u.Pref, 0.0, vf, 0.0, 0.0, most, most))
     return Output(ip, iq), rates

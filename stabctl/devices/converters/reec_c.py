@@ -19,9 +19,9 @@ from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE, SHARE
-from stabctl.devices.blocks import available
+from stabctl.devices.blocks import available, lag
 
-from .electrical import FLAG, LOOPS, Input, Output, commands, local, rising, table_p, table_q
+from .electrical import FLAG, LOOPS, Input, Output, Own, commands, curves, local, rising
 
 NAME = "REEC_C"
 ROLE = "electrical control"
@@ -128,7 +128,8 @@ def guess(p: Par) -> State:
 @inline
 def equations(x, u, p):
     """Current commands (pu), and state derivatives (1/s)."""
-    ip, iq, d = commands(u.Pref, x, u, p, 0.0, -1.0, table_p(x, u, p), table_q(x, u, p))
+    vf, _ = lag(p.Trv, u.vt, x.vm)
+    ip, iq, d = commands(x, u, p, Own(u.Pref, 0.0, vf, 0.0, -1.0, *curves(vf, p)))
     d_soc = (p.P0 - u.P) / p.T if p.running > 0.5 else 0 * x.soc
     rates = State(vm=d.vm, pf=d.pf, vq=d.vq, iv=d.iv, iq=d.iq, pord=d.pord, soc=d_soc)
     return Output(available(ip, x.soc, p.SOCmin, p.SOCmax), iq), rates

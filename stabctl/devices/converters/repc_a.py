@@ -17,20 +17,18 @@ from typing import Annotated, Any, NamedTuple
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE
 from stabctl.devices.blocks import (
-    at_least,
     clip,
     deadband,
     integral,
     lag,
     lead_lag,
-    magnitude,
     pi,
     two_slopes,
     while_within,
 )
 from stabctl.devices.ports import PORT, At, fixed
 
-from .electrical import FLAG
+from .electrical import FLAG, behind
 
 NAME = "REPC_A"
 ROLE = "plant control"
@@ -129,8 +127,7 @@ def measured(u, p):
         return u.Q
     if p.VcFlag < 0.5:
         return u.V + p.Kc * u.Q
-    v = at_least(u.V, 0.01)
-    return magnitude(u.V - (p.Rc * u.P + p.Xc * u.Q) / v, -(p.Xc * u.P - p.Rc * u.Q) / v)
+    return behind(u.V, u.P, u.Q, p)
 
 
 @inline

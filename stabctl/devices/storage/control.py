@@ -3,8 +3,9 @@
 from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
+from stabctl.devices.blocks import lag
 from stabctl.devices.converters import electrical, reec_c
-from stabctl.devices.converters.electrical import table_p, table_q
+from stabctl.devices.converters.electrical import Own, curves
 
 from .joined import Kit
 
@@ -37,5 +38,6 @@ def guess(V, p):
 def commands(x, r, p):
     """Active and reactive current command (pu), and state derivatives (1/s); r is what REEC_C reads."""
     e = electrical.State(x.vm, 0 * x.vm, x.vq, x.iv, x.iqr, x.pord)
-    ip, iq, d = electrical.commands(r.Pref, e, r, p, 0.0, -1.0, table_p(e, r, p), table_q(e, r, p))
+    vf, _ = lag(p.Trv, r.vt, x.vm)
+    ip, iq, d = electrical.commands(e, r, p, Own(r.Pref, 0.0, vf, 0.0, -1.0, *curves(vf, p)))
     return ip, iq, State(vm=d.vm, vq=d.vq, iv=d.iv, iqr=d.iq, pord=d.pord)
