@@ -13,7 +13,7 @@ from stabctl.devices.blocks import lookup
 from stabctl.devices.converters.electrical import NO_LIMIT, rising
 
 P, Q = 0.7, 0.2
-AT = {"vt": 1.0, "V": 1.0, "f": 1.0, "P": P, "Q": Q, "fset": 1.0, "wg": 1.0}
+AT = {"vt": 1.0, "V": 1.0, "f": 1.0, "P": P, "Q": Q, "fset": 1.0, "wg": 1.0, "Paux": 0.0}
 
 
 def draw(device, seed, **given):
@@ -22,6 +22,7 @@ def draw(device, seed, **given):
     made = {name: 0.0 for name in device.Par._fields if name not in fields(device.Par)}
     made |= {f.name: float(10 ** rng.uniform(-1.5, 0.3)) for f in fields(device.Par).values()}
     closed = {"dbd1": 0.0, "dbd2": 0.0, "fdbd1": 0.0, "fdbd2": 0.0, "V0": 1.0, "Vref0": 1.0, "Vdip": 0.1, "Vup": 9.0}
+    closed |= {"Vblkl": 0.1, "Vblkh": 9.0}
     far = {n: 99.0 for n in device.Par._fields if n.startswith(("Iq", "Ip")) and n[2:].isdecimal()}
     known = made | closed | far | {"bus": 0, "Vfrz": 0.0} | given
     return device.Par(**{name: known[name] for name in device.Par._fields})
@@ -50,30 +51,38 @@ def electrical(p, x, u):
             reactive["Q"] = -1 * inner * outer
     else:
         reactive = {n: lag(p.Tiq) * g for n, g in q.items()} | {"vt": -Q * lag(p.Tiq) * vf}
+    if p.QFlag and "VcmpFlag" in p._fields:
+        seen = slopes(p) if p.VcmpFlag else {"V": 1.0, "Q": p.Kc, "P": 0.0}
+        inner = (p.Kvp + p.Kvi / s) * lag(p.Tr1)
+        reactive["vt"] = -seen["V"] * inner
+        reactive |= {n: reactive.get(n, 0 * s) - seen[n] * inner for n in ("P", "Q") if seen[n]}
     reactive["vt"] = reactive["vt"] - p.Kqv * vf
     active = {"Pref": power, "vt": -P * vf}
     if getattr(p, "PFlag", 0):
         active["wg"] = P * power
+    if "Paux" in u:
+        active["Paux"] = one()
     return {"Ipcmd": active, "Iqcmd": reactive}
+
+
+def slopes(p):
+    """How |V - (Rc + j Xc) I| moves with voltage and power at 1 pu."""
+    a, b = 1 - p.Rc * P - p.Xc * Q, p.Xc * P - p.Rc * Q
+    behind = np.hypot(a, b)
+    return {
+        "V": (a * (1 + p.Rc * P + p.Xc * Q) - b * b) / behind,
+        "P": (-a * p.Rc + b * p.Xc) / behind,
+        "Q": (-a * p.Xc - b * p.Rc) / behind,
+    }
 
 
 def plant(p, x, u):
     """Responses of the references of a plant controller."""
     regulator, meter = (p.Kp + p.Ki / s) * (1 + s * p.Tft) * lag(p.Tfv), lag(p.Tfltr)
     reactive = {"Vset" if p.RefFlag else "Qset": regulator}
-    if not p.RefFlag:
-        slopes = {"Q": 1.0}
-    elif p.VcFlag:
-        a, b = 1 - p.Rc * P - p.Xc * Q, p.Xc * P - p.Rc * Q
-        behind = np.hypot(a, b)
-        slopes = {
-            "V": (a * (1 + p.Rc * P + p.Xc * Q) - b * b) / behind,
-            "P": (-a * p.Rc + b * p.Xc) / behind,
-            "Q": (-a * p.Xc - b * p.Rc) / behind,
-        }
-    else:
-        slopes = {"V": 1.0, "Q": p.Kc}
-    reactive |= {n: -1 * slope * meter * regulator for n, slope in slopes.items()}
+    held = slopes(p) if p.VcFlag else {"V": 1.0, "Q": p.Kc}
+    seen = held if p.RefFlag else {"Q": 1.0}
+    reactive |= {n: -1 * slope * meter * regulator for n, slope in seen.items()}
     if not p.FFlag:
         return {"Pref": {"Pset": one()}, "Qext": reactive}
     through = (p.Kpg + p.Kig / s) * lag(p.Tg)
@@ -86,6 +95,7 @@ FLAGS = [dict(zip(("QFlag", "VFlag", "PfFlag", "PqFlag"), flags, strict=True)) f
 DIAGRAMS = {
     **{name: (name, electrical, CURRENTS, FLAGS) for name in ("reec_a", "reec_b", "reec_c")},
     "reec_a with speed": ("reec_a", electrical, CURRENTS, [{**flags, "PFlag": 1, "Vref1": 0.1} for flags in FLAGS]),
+    "reec_d": ("reec_d", electrical, CURRENTS, [{**flags, "VcmpFlag": k % 2} for k, flags in enumerate(FLAGS * 3)]),
     "repc_a": (
         "repc_a",
         plant,
@@ -225,7 +235,7 @@ def test_curves_of_current_over_voltage_limit_it():
     assert out[-1, -2:] == pytest.approx([0.2, 0.5], abs=1e-6)
 
 
-@pytest.mark.parametrize("model", ["reec_a", "reec_c"])
+@pytest.mark.parametrize("model", ["reec_a", "reec_c", "reec_d"])
 @pytest.mark.parametrize("curve", ["q", "p"])
 @pytest.mark.parametrize(
     "points",
@@ -243,12 +253,13 @@ def test_curves_of_current_over_voltage_limit_it():
 def test_unused_points_of_a_curve_are_not_part_of_it(model, curve, points):
     """What follows the last point as 0, 0 changes the curve nowhere."""
     device = devices.every()[model]
-    given = {f"{n}{curve}{k}": 0.0 for n in "VI" for k in range(1, 5)}
+    count = 10 if model == "reec_d" else 4
+    given = {f"{n}{curve}{k}": 0.0 for n in "VI" for k in range(1, count + 1)}
     for k, (volts, limit) in enumerate(points, 1):
         given |= {f"V{curve}{k}": volts, f"I{curve}{k}": limit}
     known = {name: 0.0 for name in device.Par._fields if name not in fields(device.Par)}
     p = device.prepare(device.Par(**(known | {n: f.default for n, f in fields(device.Par).items()} | given)))
-    volts, limits = ([getattr(p, f"{n}{curve}{k}") for k in range(1, 5)] for n in "VI")
+    volts, limits = ([getattr(p, f"{n}{curve}{k}") for k in range(1, count + 1)] for n in "VI")
     for v in np.linspace(0, 2, 21):
         assert lookup(v, volts, limits) == pytest.approx(np.interp(v, *zip(*sorted(points), strict=True)))
 

@@ -64,7 +64,7 @@ def csvgn1(p, x, u, V):
 
 
 def electrical(p, x, u, _):
-    """REEC_A, REEC_B and REEC_C."""
+    """REEC_A, REEC_B, REEC_C and REEC_D."""
     names = p._fields
     storage, curves = "SOCmax" in names, "Vq1" in names
     pref = u.Pref * u.wg if "PFlag" in names and p.PFlag else u.Pref
@@ -76,23 +76,30 @@ def electrical(p, x, u, _):
     support = held(p.Kqv * outside((p.Vref0 or p.V0) - x.vm, p.dbd1, p.dbd2), p.Iqvmin, p.Iqvmax)
     most_p = most_q = p.Imax
     if curves:
-        Vq, Iq, Vp, Ip = ([getattr(p, f"{n}{k}") for k in range(1, 5)] for n in ("Vq", "Iq", "Vp", "Ip"))
+        points = range(1, 11 if "Vq10" in names else 5)
+        Vq, Iq, Vp, Ip = ([getattr(p, f"{n}{k}") for k in points] for n in ("Vq", "Iq", "Vp", "Ip"))
         most_q, most_p = min(most_q, np.interp(x.vm, Vq, Iq)), min(most_p, np.interp(x.vm, Vp, Ip))
-    least = -1 if storage else 0
+    pord = x.pord
+    least, vc = -1 if storage else -getattr(p, "Ke", 0.0), x.vm
+    if "Ke" in names:
+        vref = vref if p.VFlag else held(q + p.Vbias, p.Vmin, p.Vmax)
+        vc, pord = x.vc, x.pord + u.Paux
+        if not p.Vblkl <= u.vt <= p.Vblkh:
+            most_p = most_q = 0.0
     d_iv = 0.0
 
     def reactive(most):
         nonlocal d_iv
-        y, d_iv = pi(p.Kvp, p.Kvi, vref - x.vm, x.iv, -most, most)
+        y, d_iv = pi(p.Kvp, p.Kvi, vref - vc, x.iv, -most, most)
         return held((y if p.QFlag else x.iq) + support, -most, most)
 
     if p.PqFlag:
-        ip = held(x.pord / vm, least * most_p, most_p)
+        ip = held(pord / vm, least * most_p, most_p)
         iq = reactive(min(most_q, left(p.Imax, ip)))
     else:
         iq = reactive(most_q)
         most_p = min(most_p, left(p.Imax, iq))
-        ip = held(x.pord / vm, least * most_p, most_p)
+        ip = held(pord / vm, least * most_p, most_p)
     frozen = u.vt < p.Vdip or (p.Vup > 0 and u.vt > p.Vup)
     wanted = {
         "vm": (u.vt - x.vm) / p.Trv,
@@ -102,6 +109,9 @@ def electrical(p, x, u, _):
         "iq": 0.0 if p.QFlag or frozen else (qref / vm - x.iq) / p.Tiq,
         "pord": 0.0 if frozen else held((pref - x.pord) / p.Tpord, p.dPmin, p.dPmax),
     }
+    if "Ke" in names:
+        load = complex(p.Rc, p.Xc) * complex(u.P, -u.Q) / max(u.vt, 0.01)
+        wanted["vc"] = ((abs(u.vt - load) if p.VcmpFlag else u.vt + p.Kc * u.Q) - x.vc) / p.Tr1
     if storage:
         wanted["soc"] = (p.P0 - u.P) / p.T
         if (x.soc <= p.SOCmin and ip > 0) or (x.soc >= p.SOCmax and ip < 0):
@@ -312,6 +322,7 @@ def wtdt_a(p, x, u, _):
 
 
 CURVE = {f"{n}{k}": (0.1 + 0.3 * k - 0.1, 0.1 + 0.3 * k + 0.1) for n in ("Vq", "Vp") for k in range(1, 5)}
+TEN = {f"{n}{k}": (0.12 * k - 0.05, 0.12 * k + 0.05) for n in ("Vq", "Vp") for k in range(1, 11)}
 SETTINGS = {"dbd1": (-0.2, -0.05), "dbd2": (0.05, 0.3), "Vdip": (0.2, 0.5), "Vup": (0.9, 1.2), "Kqv": (0.5, 3.0)}
 SETTINGS |= {"Vref0": [0.0, 0.8, 1.1], "V0": (0.9, 1.1), "Imax": (0.4, 1.2), "dPmax": (0.5, 5), "dPmin": (-5, -0.5)}
 FREQUENCY = {"fdbd1": (-0.2, -0.05), "fdbd2": (0.05, 0.3), "femin": (-0.5, -0.1), "femax": (0.1, 0.6)}
@@ -325,6 +336,7 @@ MODELS = {
     "reec_a": (electrical, SETTINGS | CURVE | {"Vref1": (-0.4, 0.4)}),
     "reec_b": (electrical, SETTINGS),
     "reec_c": (electrical, SETTINGS | CURVE | {"running": (1, 1), "SOCmin": (0.1, 0.4), "SOCmax": (0.6, 0.9)}),
+    "reec_d": (electrical, SETTINGS | TEN | {"Vbias": (-0.4, 0.4), "Vblkl": (0.1, 0.3), "Vblkh": (1.1, 1.3)}),
     "repc_a": (repc_a, SETTINGS | FREQUENCY | {"Vfrz": (0.2, 0.6), "u.V": (0.1, 1.3)}),
     "regc_a": (
         regc_a,

@@ -52,7 +52,19 @@ def test_every_state_of_a_loop_exists():
     for device in devices.every().values():
         states = [s for group in device.named_loops.values() for s in group]
         assert set(states) <= set(device.State._fields)
-    kinds = {"regc_a", "regc_b", "regc_c", "reec_a", "reec_b", "reec_c", "repc_a", "wtdt_a", "dera1", "csvgn1"}
+    kinds = {
+        "regc_a",
+        "regc_b",
+        "regc_c",
+        "reec_a",
+        "reec_b",
+        "reec_c",
+        "reec_d",
+        "repc_a",
+        "wtdt_a",
+        "dera1",
+        "csvgn1",
+    }
     assert kinds <= {name for name, d in devices.every().items() if d.named_loops or d.has("loops")}
 
 
