@@ -12,6 +12,7 @@ shortened at the same angle. `rated` is the power rating over the MVA; per unit 
 Source: see `regc_a`, `regc_b`, `reec_c` and `repc_a`.
 """
 
+from functools import partial
 from math import inf
 from typing import Annotated, Any, NamedTuple
 
@@ -31,33 +32,22 @@ LIMITS = {"energy": ("floor", "capacity"), "pord": ("Pmin", "Pmax")}
 STOPS = ("energy",)
 DEADBANDS = before.DEADBANDS
 CURRENT_LIMIT = "Imax"
-KIT = control.kit(converter, store, before)
 Input: Any = before.Input
 Par: Any = joined.joined(joined.Store, converter.Par, reec_c.Par, before.Par, store.Par)
+KIT = control.kit(converter, store, before)
+from_case, prepare = partial(joined.from_row, KIT, Par), electrical.rising
 State: Any = joined.joined(order.State, control.State, converter.State, before.State)
 REACH = inf if "Imax" in converter.Par._fields else 1.0  # of Imax; a converter that knows Imax is within it
 UPPER, admittance = of(converter).upper, of(converter).admittance
 
 
-class Output(NamedTuple):
-    """Power at the terminals, charge, and currents."""
+class Voltage(NamedTuple):
+    """Its voltage."""
 
-    P: Annotated[float, "pu", "power absorbed, system base"]
-    Q: Annotated[float, "pu", "reactive power absorbed, system base"]
-    charge: Annotated[float, "-", "state of charge; 0 if the capacity is unlimited"]
-    Ip: Annotated[float, "pu", "active current delivered, converter base"]
-    Iq: Annotated[float, "pu", "reactive current delivered, converter base"]
     vt: Annotated[float, "pu", "terminal voltage"]
 
 
-def from_case(row: Any, base_mva: float) -> Any:
-    """Parameters from a row of storage.csv; V0 is filled from the power flow."""
-    return joined.from_row(KIT, Par, row, base_mva)
-
-
-def prepare(p: Any) -> Any:
-    """Parameters with curves that ascend."""
-    return electrical.rising(p)
+Output: Any = joined.joined(joined.Output, Voltage)
 
 
 def guess(V: complex, p: Any) -> Any:

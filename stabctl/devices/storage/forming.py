@@ -13,6 +13,7 @@ Source: see `regfm_a1` and `regfm_b1`.
 """
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
@@ -43,15 +44,13 @@ class Vref(NamedTuple):
 Par: Any = joined.joined(joined.Store, converter.Par, Vref, store.Par)
 
 
-class Output(NamedTuple):
-    """Power at the terminals, charge, currents, and virtual speed."""
+class Speed(NamedTuple):
+    """Its virtual speed."""
 
-    P: Annotated[float, "pu", "power absorbed, system base"]
-    Q: Annotated[float, "pu", "reactive power absorbed, system base"]
-    charge: Annotated[float, "-", "state of charge; 0 if the capacity is unlimited"]
-    Ip: Annotated[float, "pu", "active current delivered, converter base"]
-    Iq: Annotated[float, "pu", "reactive current delivered, converter base"]
     omega: Annotated[float, "pu", "virtual speed"]
+
+
+Output: Any = joined.joined(joined.Output, Speed)
 
 
 def errors(values: Mapping[str, float]) -> Iterator[tuple[str, str]]:
@@ -71,11 +70,7 @@ KIT = joined.Kit(
     errors=errors,
     finite=store.FINITE,
 )
-
-
-def from_case(row: Any, base_mva: float) -> Any:
-    """Parameters from a row of storage.csv; V0 and wb are filled from the case."""
-    return joined.from_row(KIT, Par, row, base_mva)
+from_case = partial(joined.from_row, KIT, Par)
 
 
 def guess(V: complex, p: Any) -> Any:

@@ -10,6 +10,7 @@ converter.
 Source: see `regc_c`, `reec_c` and `repc_a`.
 """
 
+from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
@@ -30,34 +31,23 @@ DEADBANDS = before.DEADBANDS
 CURRENT_LIMIT = "Imax"
 ANGLES = converter.ANGLES
 PLL = converter.PLL
-KIT = control.kit(converter, store, before)
 Input: Any = before.Input
 Par: Any = joined.joined(joined.Store, converter.Par, reec_c.Par, before.Par, store.Par)
+KIT = control.kit(converter, store, before)
+from_case, prepare = partial(joined.from_row, KIT, Par), electrical.rising
 State: Any = joined.joined(order.State, control.State, converter.State, before.State)
 Internal, internal, admittance = converter.Internal, converter.internal, converter.admittance
 LEAST = 1e-3  # pu   smallest voltage along the frame by which a power is divided
 
 
-class Output(NamedTuple):
-    """Power at the terminals, charge, currents, voltage, and frequency of the phase-locked loop."""
+class Voltage(NamedTuple):
+    """Its voltage, and the frequency of the phase-locked loop; its currents are those in the frame of the loop."""
 
-    P: Annotated[float, "pu", "power absorbed, system base"]
-    Q: Annotated[float, "pu", "reactive power absorbed, system base"]
-    charge: Annotated[float, "-", "state of charge; 0 if the capacity is unlimited"]
-    Ip: Annotated[float, "pu", "active current delivered in the frame, converter base"]
-    Iq: Annotated[float, "pu", "reactive current delivered in the frame, converter base"]
     vt: Annotated[float, "pu", "terminal voltage"]
     wpll: Annotated[float, "pu", "frequency of the phase-locked loop"]
 
 
-def from_case(row: Any, base_mva: float) -> Any:
-    """Parameters from a row of storage.csv; V0 and wb are filled from the case."""
-    return joined.from_row(KIT, Par, row, base_mva)
-
-
-def prepare(p: Any) -> Any:
-    """Parameters with curves that ascend."""
-    return electrical.rising(p)
+Output: Any = joined.joined(joined.Output, Voltage)
 
 
 def guess(V: complex, p: Any) -> Any:

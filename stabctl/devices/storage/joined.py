@@ -43,6 +43,16 @@ class Input(NamedTuple):
     order_v: Annotated[float, "pu", "change of the voltage reference", fixed(0.0)]
 
 
+class Output(NamedTuple):
+    """Power at the terminals, charge, and currents of a device behind a converter."""
+
+    P: Annotated[float, "pu", "power absorbed, system base"]
+    Q: Annotated[float, "pu", "reactive power absorbed, system base"]
+    charge: Annotated[float, "-", "state of charge; 0 if the capacity is unlimited"]
+    Ip: Annotated[float, "pu", "active current delivered, converter base"]
+    Iq: Annotated[float, "pu", "reactive current delivered, converter base"]
+
+
 def joined(*records: type) -> Any:
     """A record with the fields of several, each field once."""
     found = {name: hint for record in records for name, hint in get_type_hints(record, include_extras=True).items()}
