@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from threading import RLock
 from types import MappingProxyType, ModuleType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
@@ -25,6 +26,7 @@ CONNECTIONS = {  # suffix -> the file that connects the store, the converter, wh
     "regfm": ("forming", "converters.regfm_a1"),
     "regfm_b1": ("forming", "converters.regfm_b1"),
 }
+_lock = RLock()  # a module is complete before another thread has it
 
 
 class Before(Protocol):
@@ -34,7 +36,10 @@ class Before(Protocol):
     Par: Any
     State: Any
     Input: Any
-    DEADBANDS: tuple[str, ...]
+    DEADBANDS: Any  # names of its parameters that are deadbands
+
+    def kit(self, of: Any) -> Any:
+        """The published models of a device, with its own."""
 
     def references(self, x: Any, u: Any, shares: Any, vt: Any, P: Any, Q: Any, p: Any) -> tuple[Any, Any]:
         """What the electrical control reads, and the derivatives (1/s) of its own states.
@@ -67,6 +72,12 @@ def _compositions() -> dict[str, Composition]:
 MODELS: Mapping[str, Composition] = MappingProxyType(_compositions())  # by the names in the column storage_model
 DEVICES: Mapping[str, Composition] = MappingProxyType({one.device: one for one in MODELS.values()})
 if TYPE_CHECKING:
+    from stabctl.devices.stores import Store, battery, flywheel, supercapacitor
+
+    from . import direct, plant
+
+    _stores: tuple[Store, ...] = (battery, supercapacitor, flywheel)  # the type checker compares them
+    _before: tuple[Before, ...] = (direct, plant)
     StorageModel = str
 else:
     StorageModel = Literal[tuple(MODELS)]
@@ -80,16 +91,17 @@ def parts(module: str) -> tuple[Any, ...]:
 def composed(device: str) -> ModuleType:
     """The module of a device, made at its first use."""
     name, one = f"{__name__}.{device}", DEVICES[device]
-    if name not in sys.modules:
-        spec: Any = spec_from_file_location(name, Path(__file__).with_name(f"{one.behind}.py"))
-        module = sys.modules[name] = module_from_spec(spec)
-        try:
-            spec.loader.exec_module(module)
-        except BaseException:
-            del sys.modules[name]
-            raise
-        module.__doc__ = _text(module.__doc__ or "", parts(name))
-    return sys.modules[name]
+    with _lock:
+        if name not in sys.modules:
+            spec: Any = spec_from_file_location(name, Path(__file__).with_name(f"{one.behind}.py"))
+            module = sys.modules[name] = module_from_spec(spec)
+            try:
+                spec.loader.exec_module(module)
+            except BaseException:
+                del sys.modules[name]
+                raise
+            module.__doc__ = _text(module.__doc__ or "", parts(name))
+        return sys.modules[name]
 
 
 def _text(text: str, of: tuple[Any, ...]) -> str:
