@@ -10,12 +10,12 @@ from stabctl._util.jit import inline
 from stabctl.devices.converters import electrical
 from stabctl.devices.device import Empty
 
-from .joined import Input
+from . import joined
 
 NAME = ""
 DEADBANDS = ()
 Par = State = Empty
-__all__ = ["Input"]
+Input = joined.Input
 
 
 def kit(of):
