@@ -1,7 +1,5 @@
 """Controls of converters: block diagrams by frequency response, limits reached and left, stationary start."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from block_diagram import distance, evaluate, feedback, motion, one, opened, response, rest, s
@@ -314,11 +312,6 @@ def test_trips_of_distributed_generation_are_refused():
 @pytest.mark.parametrize("last", [1, 2, 3, 4])
 def test_a_point_of_a_curve_with_a_voltage_and_no_current_is_one(last):
     """Only points 0, 0 at its end are unused."""
-
-    class Par(SimpleNamespace):
-        def _replace(self, **new):
-            return Par(**vars(self) | new)
-
     volts, limits = [0.2 * k for k in range(1, 5)], [1.0, 0.8, 0.6, 0.4]
     limits[last - 1] = 0.0
     given = {
@@ -326,7 +319,7 @@ def test_a_point_of_a_curve_with_a_voltage_and_no_current_is_one(last):
         for n in ("Vq", "Iq", "Vp", "Ip")
         for k in range(1, 5)
     }
-    found = rising(Par(**given))
+    found = rising(devices.every()["reec_a"].Par(0, **given))
     if last == 1:
         assert found.Iq1 == NO_LIMIT
     else:
