@@ -1,4 +1,4 @@
-"""A supercapacitor and a flywheel sized against a battery, for the faults of the paper's two-area case."""
+"""A supercapacitor and a flywheel sized against a battery, for a fault of the two-area system."""
 
 from collections.abc import Mapping
 from functools import partial

@@ -144,8 +144,8 @@ StorageModel = Annotated[
     str,
     Option(
         "--storage-model",
-        help="Store and converter: ideal; regc, regc_repc or regfm behind a converter; supercap, flywheel_regc, ...: "
-        "see 'stabctl models'.",
+        help="What stores the energy, and its converter: ideal, regc, regc_repc, regfm, ...; supercap and flywheel, "
+        "alone or as in supercap_regc.",
     ),
 ]
 Mva = Annotated[

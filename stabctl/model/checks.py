@@ -304,9 +304,6 @@ def _converter(i: int, s: Storage) -> None:
     if device.kit.finite and not s.energy:
         text = f"must be above 0 for a {s.storage_model}, whose power depends on its stored energy."
         raise RowError("storage", i, "energy", text)
-    if s.storage_model == "ideal" and s.converter:
-        text = f"{shown(s.converter)} applies only to devices behind a converter; set storage_model to regc."
-        raise RowError("storage", i, "converter", text)
     if device.current_limit and s.characteristic != "power":
         text = (
             f"{s.characteristic} applies only to ideal devices; a converter ({s.storage_model}) "

@@ -29,19 +29,20 @@ def load(x, u, p):
 
 @inline
 def regulated(x, u, p):
-    """Regulator output before its limits and VFE (pu), and state derivatives (1/s) with that of `ve` left open."""
+    """Regulator output before its limits and VFE (pu), and state derivatives (1/s) of vm, va, vr and vf."""
     vfe = load(x, u, p)
     vf, d_vf = derivative(p.KF, p.TF, vfe, x.vf)
     vm, d_vm = lag(p.TR, u.vt, x.vm)
     va, d_va = lead_lag(p.TC, p.TB, u.Vref - vm + u.Vs - vf, x.va)
     vr, d_vr = lag(p.TA, p.KA * va, x.vr)
-    return vr, vfe, State(vm=d_vm, va=d_va, vr=d_vr, ve=0 * vfe, vf=d_vf)
+    return vr, vfe, (d_vm, d_va, d_vr, d_vf)
 
 
 @inline
 def excited(x, u, drive, vfe, d, p):
     """Field voltage Efd = VE FEX(KC Ifd/VE) (pu), and derivatives (1/s) with `drive` at the field of the exciter."""
-    rates = State(vm=d.vm, va=d.va, vr=d.vr, ve=(drive - vfe) / p.TE, vf=d.vf)
+    d_vm, d_va, d_vr, d_vf = d
+    rates = State(vm=d_vm, va=d_va, vr=d_vr, ve=(drive - vfe) / p.TE, vf=d_vf)
     return Output(rectified(x.ve, p.KC, u.Ifd)), rates
 
 

@@ -41,7 +41,7 @@ class Vref(NamedTuple):
     V0: Annotated[float, "pu", "voltage of the power flow"]
 
 
-Par: Any = joined.joined(joined.Store, converter.Par, Vref, store.Par)
+Par: Any = joined.joined(joined.Common, converter.Par, Vref, store.Par)
 
 
 class Speed(NamedTuple):
@@ -74,8 +74,8 @@ from_case = partial(joined.from_row, KIT, Par)
 
 
 def guess(V: complex, p: Any) -> Any:
-    """States at rest: no power, and the initial energy."""
-    return State(0.0, p.stored, 0.0, *converter.guess(V, 0j, p))
+    """States at rest."""
+    return State(*order.guess(p), *converter.guess(V, 0j, p))
 
 
 @inline

@@ -32,7 +32,7 @@ CURRENT_LIMIT = "Imax"
 ANGLES = converter.ANGLES
 PLL = converter.PLL
 Input: Any = before.Input
-Par: Any = joined.joined(joined.Store, converter.Par, reec_c.Par, before.Par, store.Par)
+Par: Any = joined.joined(joined.Common, converter.Par, reec_c.Par, before.Par, store.Par)
 KIT = control.kit(converter, store, before)
 from_case, prepare = partial(joined.from_row, KIT, Par), electrical.rising
 State: Any = joined.joined(order.State, control.State, converter.State, before.State)
@@ -51,9 +51,8 @@ Output: Any = joined.joined(joined.Output, Voltage)
 
 
 def guess(V: complex, p: Any) -> Any:
-    """States at rest: no power, and the initial energy."""
-    rest = *control.guess(V, p), *converter.guess(V, 0j, p), *before.guess(V, p)
-    return State(0.0, p.stored, 0.0, *rest)
+    """States at rest."""
+    return State(*order.guess(p), *control.guess(V, p), *converter.guess(V, 0j, p), *before.guess(V, p))
 
 
 @inline

@@ -13,7 +13,7 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import at_least, magnitude
 
 from . import joined, order, parts
-from .order import Input, State
+from .order import Input, State, guess
 
 (store,) = parts(__name__)
 
@@ -22,8 +22,8 @@ ROLE = "storage"
 automatic = store.automatic
 LIMITS = {"energy": ("floor", "capacity")}
 STOPS = ("energy",)
-KIT = joined.Kit(f"{store.NAME}", (store.Par,), finite=store.FINITE)
-__all__ = ["Input", "State"]
+KIT = joined.Kit(store.NAME, (store.Par,), finite=store.FINITE)
+__all__ = ["Input", "State", "guess"]
 
 
 class Rating(NamedTuple):
@@ -50,11 +50,6 @@ def from_case(device: Any, base_mva: float) -> Any:
     """Parameters from a row of storage.csv."""
     part = {"power": "Pp", "current": "Pc", "conductance": "Pg"}[device.characteristic]
     return joined.from_row(KIT, Par, device, base_mva)._replace(**{part: device.rating / base_mva}, vlow=0.5)
-
-
-def guess(p: Any) -> State:
-    """States at rest: no power, and the initial energy."""
-    return State(0.0, p.stored, 0.0)
 
 
 @inline

@@ -59,7 +59,7 @@ def joined(*records: type) -> Any:
     return NamedTuple("Joined", list(found.items()))  # type: ignore[misc]
 
 
-Store: Any = joined(order.Par, Rated)
+Common: Any = joined(order.Par, Rated)  # parameters of every device behind a converter
 
 
 def from_row(kit: Kit, record: Any, device: Any, base_mva: float) -> Any:
@@ -102,6 +102,8 @@ def parameters(kit: Kit, text: str) -> dict[str, float]:
     """
     known = {name: f for part in kit.parts for name, f in fields(part).items() if name not in kit.without}
     given: dict[str, float] = {}
+    if text and not known:
+        raise StudyError(f"{shown(text)} applies only to devices behind a converter; set storage_model to regc.")
     for name, value in settings(text):
         if name not in known:
             near = difflib.get_close_matches(name, known, 3) or list(known)

@@ -44,6 +44,11 @@ class Input(NamedTuple):
     order_q: Annotated[float, "-", "reactive power to absorb, over the power rating", fixed(0.0)]
 
 
+def guess(p):
+    """States at rest: no power, and the initial energy."""
+    return State(0.0, p.stored, 0.0)
+
+
 @inline
 def allowed(share, x, p, most):
     """The share within what the store can take and give, or zero if a full one would take or an empty one give."""
