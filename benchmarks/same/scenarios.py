@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.signal import cont2discrete
 
 import stabctl as st
 from stabctl.simulation.schedule import Schedule
@@ -54,11 +55,13 @@ def wide_area() -> st.OperatingPoint:
 
 
 def damper(states: int, machine: int, **how: Any) -> st.Controller:
-    """A stabilizer with some states, from random numbers."""
+    """A stable stabilizer with some states, from random numbers; its matrices are discrete where it has a rate."""
     rng = np.random.default_rng(states)
     A = -np.diag(np.linspace(1, 20, states)) + 0.1 * rng.standard_normal((states, states))
-    B, C = rng.standard_normal((states, 1)), rng.standard_normal((1, states))
-    return st.Controller((f"speed:{machine}",), (f"vs:{machine}",), A, B, C, np.zeros((1, 1)), limits=0.05, **how)
+    B, C, D = rng.standard_normal((states, 1)), rng.standard_normal((1, states)), np.zeros((1, 1))
+    if "rate" in how:
+        A, B, C, D, _ = cont2discrete((A, B, C, D), 1 / how["rate"])
+    return st.Controller((f"speed:{machine}",), (f"vs:{machine}",), A, B, C, D, limits=0.05, **how)
 
 
 def proportional(seen: Any) -> float:
