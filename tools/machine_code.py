@@ -59,9 +59,7 @@ def studies() -> None:
     import numpy as np
 
     import stabctl as st
-    from stabctl.simulation import _newton, _voltages, stages
-    from stabctl.simulation._buffers import dense, newton_space
-    from stabctl.simulation.simulation import Simulation
+    from stabctl.simulation import stages
 
     fault, one = st.Contingency("7-8@0.4", clear="6cyc"), np.ones((1, 1))
     case = st.load("two_area")
@@ -75,12 +73,6 @@ def studies() -> None:
     runs = [point.simulate(fault, "1.2s", control=law) for law in laws]
     stages.stages(runs[0])
     point.modes()
-    simulation = Simulation(point, fault)
-    wired, places, net, run = simulation.wired, simulation._places, simulation._stage.net, simulation._run
-    program, z = wired.for_newton(), newton_space(run)
-    space = dense(len(places.draw_bus))
-    _voltages.newton_from(program.current, program, places, net, run, z, space, False)
-    _newton.sparse(program.current, program, places, net, run, z, False, _newton.Slopes().of(net))
     for estimator in ("kalman", "ideal"):
         st.estimate(case, fault, 1.2, estimator=estimator)
 

@@ -26,7 +26,7 @@ from typing import Any
 from . import object_code
 from .errors import StudyError
 from .process import available
-from .words import Function, taken
+from .words import Bound, Function, taken
 
 _PACKAGE = Path(__file__).parent.parent
 _pending: list[tuple[Callable[..., Any], bool]] = []  # functions that numba does not know yet; whether they are inlined
@@ -34,6 +34,7 @@ _definitions: list[Callable[[], None]] = []  # what tells numba how to compile s
 lock = RLock()  # one thread compiles at a time
 meanwhile: list[Callable[[], object]] = []  # compile what is likely to be used next, while another process compiles
 _told: list[bool] = []
+plain: list[Callable[[], Any]] = []  # the bound calls of plain Python; their addresses are the places from 1 on
 _running: dict[str, subprocess.Popen[bytes]] = {}
 
 
@@ -102,6 +103,17 @@ class Entry:
         if _DISABLED:
             return self.function(*arguments)
         words, kinds, _held = taken(arguments)
+        return self._of(kinds)(words)
+
+    def bound(self, *arguments: Any) -> Bound:
+        """The compiled function with these arguments, for `call_bound`; the records among them must live on."""
+        if _DISABLED:
+            plain.append(lambda: self.function(*arguments))
+            return Bound(len(plain), 0, None)
+        words, kinds, held = taken(arguments)
+        return self._of(kinds).bound(words, (arguments, held))
+
+    def _of(self, kinds: tuple[Any, ...]) -> Function:
         found = self._functions.get(kinds)
         if found is None:
             with lock, compiling([] if self.on_disk() else [self.name]) as done:
@@ -109,7 +121,7 @@ class Entry:
                 found = self._functions.get(kinds) or self._load(kinds)
                 self._functions[kinds] = found
                 done()
-        return found(words)
+        return found
 
     def signatures(self) -> list[Any]:
         """Kinds of arguments that it has been called with."""

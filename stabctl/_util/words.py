@@ -105,6 +105,7 @@ class Function:
 
     def __init__(self, code: "Loaded", kinds: Iterable[Kind]) -> None:
         self._call, self._owner = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p)(code.address), code.owner
+        self._address = code.address
         layout = "".join(kind.layout for kind in kinds)
         self._returned = Struct("".join(f"{c}7x" if c == "?" else c for c in code.returns if c not in "()"))
         self._at, self._words = Struct(layout).size, Struct(f"{layout}{self._returned.size}x")
@@ -117,6 +118,19 @@ class Function:
             raise ZeroDivisionError("a complex number is divided by zero in compiled code")  # it raises nothing else
         found = _nested(self._shape, iter(self._returned.unpack_from(buffer, self._at)))
         return found[0] if found else None
+
+    def bound(self, words: list[Any], held: Any) -> "Bound":
+        """The function with these words, to be called from compiled code."""
+        buffer = self._buffer.from_buffer_copy(self._words.pack(*words))
+        return Bound(self._address, ctypes.addressof(buffer), (self._owner, buffer, held))
+
+
+class Bound(NamedTuple):
+    """A call to be made from compiled code, by `perform.call`."""
+
+    address: int  # of the function
+    words: int  # address of its words
+    held: Any  # what must live until the last call
 
 
 class Loaded(NamedTuple):

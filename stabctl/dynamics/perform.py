@@ -5,7 +5,7 @@ A family is called through its address, so that the machine code of the caller d
 
 from typing import Any
 
-from stabctl._util.jit import disabled, entry, inline, lowered
+from stabctl._util.jit import disabled, entry, inline, lowered, plain
 
 from . import _codegen
 
@@ -58,6 +58,10 @@ if disabled():
         """Call the families whose bit is in `due`, as plain Python."""
         perform(calls[(bits & due) != 0], w, k, s, f, on)
 
+    def call_bound(at: Any) -> None:
+        """Call an entry point with the arguments bound to it, as plain Python."""
+        plain[at[0] - 1]()
+
 else:
 
     @inline
@@ -68,6 +72,11 @@ else:
                 calls[c, 0], calls[c, 1], calls[c, 2], w.ctypes.data + 8 * calls[c, 3],
                 k.ctypes.data + 8 * calls[c, 4], s.ctypes.data, f.ctypes.data, on.ctypes.data,
             )  # fmt: skip
+
+    @inline
+    def call_bound(at):  # type: ignore[misc]
+        """Call an entry point with the arguments bound to it: `at` has the address of both, or 0."""
+        call(at[0], at[1])
 
     @inline
     def fails(c, calls, p, s, f, at, on):  # type: ignore[misc]

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from stabctl._util.words import record
-from stabctl.dynamics import lapack
 
 from .method import STAGES
 
@@ -26,6 +25,11 @@ class Note(NamedTuple):
     divided: int = 2  # how many steps in a row were divided, at most `CHATTER`
     open: int = 3  # stages at which orders and the accelerations they cause did not agree
     chatter: int = 4  # steps not divided because an order of a continuous law jumps in step after step
+    newton: int = 5  # stages at which Newton's method was called
+    slow: int = 6  # solutions in a row for which the fixed-point iteration was slow
+    hard: int = 7  # 1: Newton's method solves for them from now on
+    found: int = 8  # whether it found them
+    kept: int = 9  # 1: its factors are those of an earlier instant; -1: it starts far from the present voltages
 
 
 NOTE = Note()  # a record: its file is then part of the key of machine code on disk; that of a mere number is not
@@ -84,18 +88,10 @@ class Run(NamedTuple):
     part: Part
     watch: Watch
     loop: Loop
+    newton: np.ndarray  # (2), int   addresses of Newton's method and its arguments, 0: not prepared
     orders: np.ndarray  # (2, held)   values of `Places.held` before a decision, and from the next jump on
     late: np.ndarray  # (1), s   from a timed verdict to the end of its step; -1 until the first step after an event
-    notes: np.ndarray  # (5), int   see `Note`
-
-
-@record
-class NewtonSpace(NamedTuple):
-    """Work space of Newton's method."""
-
-    s: np.ndarray  # (signals), complex   a copy of `Run.s`
-    f: np.ndarray  # (nx + 2 nb), complex   a copy of `Run.f`
-    new: np.ndarray  # (nb), complex, pu   voltages
+    notes: np.ndarray  # (10), int   see `Note`
 
 
 def buffers(s: np.ndarray, layout: "Layout", places: "Places") -> Run:
@@ -113,33 +109,5 @@ def buffers(s: np.ndarray, layout: "Layout", places: "Places") -> Run:
     loop = Loop(zeros((n, n)), zeros((n, n + 1)), zeros((2, n)), np.zeros(1, np.int64))
     late, notes = np.full(1, -1.0), zeros(len(NOTE), np.int64)
     volt, current = s[layout.voltages].view(complex), f[layout.voltages].view(complex)
-    return Run(s, f, volt, current, solve, part, watch, loop, zeros((2, len(places.held))), late, notes)
-
-
-def newton_space(run: Run) -> NewtonSpace:
-    """Work space of Newton's method for the buffers of a run."""
-    return NewtonSpace(run.s.astype(complex), run.f.astype(complex), np.zeros_like(run.volt))
-
-
-@record
-class Dense(NamedTuple):
-    """Work space of Newton's method with a dense matrix, for n buses whose devices draw currents."""
-
-    open: np.ndarray  # (n), complex, pu   voltages without these currents
-    Z: np.ndarray  # (n, n), complex, pu   impedances between the buses
-    v: np.ndarray  # (n, 2), complex, pu   voltages, with a complex step
-    tried: np.ndarray  # (n, 2), complex, pu
-    drawn: np.ndarray  # (3, n, 2), complex, pu   currents
-    F: np.ndarray  # (2 n), pu   residual, then the step
-    J: np.ndarray  # (2 n, 2 n)   its slopes
-    places: np.ndarray  # (3 + 2 n, i32)   see `lapack.solve`
-    solver: int  # address of LAPACK's solver
-
-
-def dense(n: int) -> Dense:
-    """Work space for n buses."""
-    pairs, sizes = np.zeros((5, n, 2), complex), (np.zeros(2 * n), np.zeros((2 * n, 2 * n)))
-    places = np.zeros(lapack.HEAD + 2 * n, np.int32)
-    return Dense(
-        np.zeros(n, complex), np.zeros((n, n), complex), pairs[0], pairs[1], pairs[2:], *sizes, places, lapack.address()
-    )
+    orders = zeros((2, len(places.held)))
+    return Run(s, f, volt, current, solve, part, watch, loop, zeros(2, np.int64), orders, late, notes)

@@ -1,170 +1,267 @@
-"""Newton's method for the bus voltages where the fixed-point iteration fails: for few buses dense, for many sparse.
+"""Newton's method for the bus voltages where the fixed-point iteration is slow or fails, called by the compiled loop.
 
-Both make the same steps. With Z, the impedances between the buses with voltage-dependent currents, and D, the slopes of
-these currents, the step x of their voltages, whose residual is F, is that of the whole network:
+S are the admittances left of the network when the rows that are not iterated are eliminated, c the currents of the
+voltage sources, i(v) those that depend on the voltages, D their slopes, and F = v - inv(S) (c + i(v)) is the residual.
 
-    (1 + s - Z D) x = F    <=>    ((1 + s) Y - D) x = Y F,    F = 0 at the other buses
+    keep      (S - D) v = c + i(v) - D v    D of an earlier instant, as long as v converges quickly
+    descend   (S - D) x = S F               D at v; the step -x is halved until F falls
+    creep     ((1 + 1/h) S - D) x = S F     implicit Euler steps -x of dv/dt = -F; their length h grows as F falls
 
-The factors of Y - D are kept from one instant to the next and used as long as the residual falls quickly with them.
+`keep` comes first, from the predicted voltages. It is for small changes only: where voltages jump, or a load passes the
+kink of its threshold, the fixed-point iteration is tried as in any other network, and then `descend` from the voltages
+of the stage before. Where this solution has ended at a kink, `descend` from the voltages without load finds another
+one. At last `creep` is used from the voltages before, and from zero, for a load whose voltage collapses has a solution
+below its threshold.
 """
 
-from contextlib import suppress
-from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
-import scipy.sparse.linalg as spl
 
-from . import _judgment, _voltages, stepper
-from ._buffers import NOTE, dense, newton_space
-from ._substitution import OPTIONS, matrix
-from ._voltages import HALVINGS, STEPS, TINY, TOLERANCE, currents, solved
-from .stepper import Cursor, Plan
-from .wired import Wired
+from stabctl._util.jit import entry, inline
+from stabctl._util.words import record
+from stabctl.devices.blocks import copy
+from stabctl.dynamics.perform import perform
 
-NO_ROWS = np.empty((0, 0))
-QUICKLY = 0.4  # of the residual, at most left after a step with factors of an earlier instant
-CLOSE = 1e-2  # of the tolerance: with kept factors the last step gains less than with Newton's
-MANY = 200  # buses with voltage-dependent currents, from which on the sparse method is faster
+from ._buffers import NOTE
+from ._elimination import Pattern, eliminate, square, substitute
+from ._substitution import backward, forward, middle, solve_apart
+from ._voltages import LIMIT, iterate
 
+if TYPE_CHECKING:
+    from ._buffers import Run
+    from ._places import Places
 
-@dataclass
-class Slopes:
-    """What is kept of a network: its real matrix, and factors of Y - D at an earlier instant."""
-
-    net: Any = None
-    R: Any = None
-    factors: Any = None
-
-    def of(self, net: Any) -> "Slopes":
-        """For a network; what is kept of another one is dropped."""
-        if self.net is not net:
-            Y = matrix(net.factors)
-            real = sp.kron(Y.real, sp.identity(2)) + sp.kron(Y.imag, np.array([[0.0, -1.0], [1.0, 0.0]]))
-            self.net, self.R, self.factors = net, real.tocsc(), None
-        return self
+END = 1e-10  # pu   voltage error at which `keep` ends
+QUICK = 0.1  # of a change, at most left of it in the next one while slopes are kept
+RENEWALS = 8  # of the slopes, at one instant
+FAR = 0.05  # pu   a change of a voltage that is too large for `keep`
+TOLERANCE = 1e-7  # pu   residual at which `creep` ends
+CLOSE = 1e-2  # of it, at which `descend` ends
+STEPS = 40  # -    of `descend`
+SLOW_STEPS = 400  # -    of `creep`
+HALVINGS = 12  # -    of a step
+LONGEST = 0.2  # pu   change of a voltage in a step of `creep`
+SHORTEST = 1e-3  # -    its h
+TINY = 1e-30  # complex step
 
 
-def advance(
-    wired: Wired, program: Any, places: Any, net: Any, run: Any, rules: Any, plan: Plan,
-    history: np.ndarray = NO_ROWS, kept: Slopes | None = None,
-) -> tuple[int, int]:  # fmt: skip
-    """Steps of the compiled loop, `stepper.advance`, with Newton's method where it asks for it.
+@record
+class Newton(NamedTuple):
+    """What Newton's method needs on one network, and its work space."""
 
-    Returns the verdict and the number of steps made.
+    calls: np.ndarray  # (calls, 5)   of the devices with voltage-dependent currents, for complex numbers
+    s: np.ndarray  # (signals), complex   a copy of `Run.s`
+    f: np.ndarray  # (nx + 2 nb), complex   currents, at the places of the voltages
+    pattern: Pattern
+    slopes: np.ndarray  # (drawing buses, 2), complex, pu   of the currents by v and by conj(v)
+    a: np.ndarray  # (entries), complex   factors of S - D
+    b: np.ndarray  # (entries), complex
+    v: np.ndarray  # (iterated buses), complex, pu   voltages from which a step is made
+    F: np.ndarray  # (iterated rows), complex, pu   residual
+    x: np.ndarray  # (iterated rows), complex, pu   right-hand side, and solution
+    open: np.ndarray  # (nb), complex, pu   voltages without voltage-dependent currents
+
+
+def space(calls: np.ndarray, pattern: Pattern, places: "Places", run: "Run") -> Newton:
+    """Work space for a network of this pattern."""
+
+    def room(like: Any) -> np.ndarray:
+        return np.zeros(len(like), complex)
+
+    slopes, rows = np.zeros((len(places.draw_bus), 2), complex), pattern.L[1:]
+    of_entries, of_rows = (room(pattern.S), room(pattern.S)), (room(rows), room(rows))
+    return Newton(
+        calls, room(run.s), room(run.f), pattern, slopes, *of_entries, room(places.near_bus), *of_rows, room(run.volt)
+    )
+
+
+@entry
+def newton(program, places, net, run, of):
+    """Solve for the voltages, the sources being substituted forward already; whether they were found is in the notes.
+
+    If not, they are those of the stage before, and the bus with the largest residual is in the notes.
     """
-    at, kept = stepper.START, kept or Slopes()
-    while True:
-        verdict, at = stepper.advance(program, places, net, run, rules, plan, at, history)
-        at = Cursor(*at)
-        if verdict != _judgment.NEWTON:
-            return verdict, at.step
-        if not of_wired(wired, program, places, net, run, kept):
-            return _judgment.NO_VOLTAGE, at.step
+    run.notes[NOTE.newton] += 1
+    run.notes[NOTE.found] = 1
+    if keep(program, places, net, run, of) or iterate(program, places, net, run) < LIMIT:
+        return
+    for start in range(4):
+        begin(start, places, net, run, of)
+        if creep(program, places, net, run, of) if start > 1 else descend(program, places, net, run, of):
+            return
+    begin(0, places, net, run, of)
+    run.notes[NOTE.found] = 0
 
 
-def of_wired(wired: Wired, program: Any, places: Any, net: Any, run: Any, kept: Slopes) -> bool:
-    """The same as `newton`, with the program for complex numbers that is kept with the system."""
-    z = wired.for_newton()._replace(k=program.k)
-    return newton(z.current, z, places, net, run, newton_space(run), kept=kept)
+@inline
+def begin(start, places, net, run, of):
+    """Set the iterated voltages to those of the stage before (0, 2), those without load (1), or zero (3)."""
+    if start == 1:
+        solve_apart(net.factors, run.solve.source, run.solve.work, of.open)
+        forward(net.factors, run.solve.source, run.solve.work)
+    for b in places.near_bus:
+        run.volt[b] = of.open[b] if start == 1 else 0.0 if start == 3 else run.solve.before[b]
 
 
-def newton(calls: Any, program: Any, places: Any, net: Any, run: Any, z: Any, *, kept: Slopes) -> bool:
-    """Solve for the voltages by Newton's method; returns whether a solution was found.
-
-    Starts from the present voltages, then from those without load, which finds the solution again where the present
-    one ends at the kink of a load; then tries long implicit steps, and finally these from zero voltage.
-
-    Parameters
-    ----------
-    calls
-        Calls of the devices with voltage-dependent currents, for complex numbers.
-    program
-        The program for complex numbers.
-    places, net, run
-        Places, network and buffers of the run. On success `run.volt` is the solution; otherwise it is unchanged, and
-        the bus with the largest residual is in `run.notes`.
-    z
-        Work space (`newton_space`).
-    kept
-        What the calls of a run share.
-    """
-    before, open_ = run.volt.copy(), np.empty_like(run.volt)
-    solved(net.factors, run.solve.source, run.solve.work, open_)
-    small = dense(len(places.draw_bus) if len(places.draw_bus) <= MANY else 0)
-    for begin, slow in ((before, False), (open_, False), (before, True), (0.0, True)):
-        run.volt[:] = begin
-        with suppress(np.linalg.LinAlgError):  # singular slopes
-            if len(places.draw_bus) > MANY:
-                found = sparse(calls, program, places, net, run, z, slow, kept.of(net))
-            else:
-                found = _voltages.newton_from(calls, program, places, net, run, z, small, slow)
-            if found:
-                return True
-    run.volt[:] = before
-    return False
-
-
-def sparse(calls: Any, program: Any, places: Any, net: Any, run: Any, z: Any, slow: bool, kept: Slopes) -> bool:
-    """The same as `voltages.newton_from`, by factors of the whole network."""
-    bus, n, R = places.draw_bus, len(places.draw_bus), kept.R
-    solved(net.factors, run.solve.source, run.solve.work, z.new)
-    open_ = z.new[bus]
-    v, out = run.volt[bus].view(float).reshape(n, 2).astype(complex), np.zeros((n, 2), complex)
-    step, F, before, pace, fresh = np.zeros((n, 2)), np.zeros(n, complex), np.inf, 0.3, True
-    pairs = (2 * bus[:, None] + np.arange(2)).ravel()
-    rows, columns = np.repeat(pairs, 2), np.repeat(pairs.reshape(n, 2), 2, axis=0).ravel()
-    for _ in range(3 * STEPS if slow else STEPS):
-        now, tried, miss = np.inf, v, F
-        for halving in range(HALVINGS if fresh else 1):
-            tried = (v.real - 0.5**halving * step).astype(complex)
-            currents(calls, program, places, net, z, tried, out)
-            run.current[:] = 0
-            run.current[bus] = out[:, 0].real + 1j * out[:, 1].real
-            solved(net.factors, run.current, run.solve.work, z.new)
-            miss = tried[:, 0].real + 1j * tried[:, 1].real - open_ - z.new[bus]
-            now = np.abs(miss).max()
-            if now < before or slow:
+@inline
+def keep(program, places, net, run, of):
+    """Iterate with slopes kept from one instant to the next; returns whether it ended, if not with `begun` in work."""
+    F, work, bus = net.factors, run.solve.work, places.near_bus
+    first, before, renewals = F.again[0], 0.0, 0
+    while run.notes[NOTE.kept] >= 0:
+        if run.notes[NOTE.kept] == 0:
+            if renewals == RENEWALS:
                 break
-        if now < (np.inf if slow else before):
-            quick, v, F = now < QUICKLY * before, tried, miss
-            if before < np.inf:
-                pace = min(max(pace * before / now, 0.05), 1e6)
-            before = now
-            if now < (TOLERANCE if slow else CLOSE * TOLERANCE):
-                run.current[:] += run.solve.source
-                solved(net.factors, run.current, run.solve.work, run.volt)
-                return True
-        elif fresh:
-            F = miss
+            take_slopes(program, places, net, run, of)
+            if not eliminate(of.pattern, 1.0, of.slopes, of.a, of.b):
+                break
+            run.notes[NOTE.kept], before = 1, 0.0
+            renewals += 1
+        draw(program, places, net, run)
+        for j in range(len(places.draw_bus)):
+            d = places.draw_bus[j]
+            v = run.volt[d]
+            work[F.back[d]] -= of.slopes[j, 0] * v + of.slopes[j, 1] * v.conjugate()
+        substitute(of.pattern, of.a, of.b, work[first:])
+        change = 0.0
+        for b in bus:
+            v = work[F.cols[b]]
+            size = square(v - run.volt[b])
+            if not size <= change:
+                change = size
+            run.volt[b] = v
+        change = np.sqrt(change)
+        if not change < FAR:
             break
-        else:
-            quick = False  # a step with earlier factors: repeat it with present ones
-        fresh = slow or not quick or kept.factors is None
-        if fresh:
-            try:
-                bent = slopes(calls, program, places, net, z, v, out)
-                D = sp.csc_matrix((bent.ravel(), (rows, columns)), shape=R.shape)
-                factors = spl.splu((1 + 1 / pace if slow else 1.0) * R - D, **OPTIONS)
-            except RuntimeError:
+        if change < END or change * change < END * (before - change):
+            backward(F, work, run.volt)
+            return True
+        if before > 0 and not change < QUICK * before:
+            run.notes[NOTE.kept] = 0
+            if not change < before:
                 break
-            kept.factors = None if slow else factors
-        else:
-            factors = kept.factors
-        residual = np.zeros(len(run.volt), complex)
-        residual[bus] = F
-        step = factors.solve(R @ residual.view(float)).reshape(-1, 2)[bus]
-    run.notes[NOTE.bus] = bus[int(np.argmax(np.abs(F)))]
+        before = change
+    run.notes[NOTE.kept] = 0
+    for b in bus:
+        run.volt[b] = run.solve.before[b]
+    for i in range(first, F.all[0]):
+        work[i] = run.solve.begun[i]
     return False
 
 
-def slopes(calls: Any, program: Any, places: Any, net: Any, z: Any, v: np.ndarray, out: np.ndarray) -> np.ndarray:
-    """Slopes of the currents by the voltages of their buses (buses, 2, 2), by complex steps."""
-    bent = []
+@inline
+def descend(program, places, net, run, of):
+    """Newton steps, halved until the residual falls; returns whether it ends at zero."""
+    F, bus = net.factors, places.near_bus
+    first, before = F.again[0], residual(program, places, net, run, of)
+    for _ in range(STEPS):
+        if before < CLOSE * TOLERANCE:
+            backward(F, run.solve.work, run.volt)
+            return True
+        take_slopes(program, places, net, run, of)
+        if not solve_for_step(1.0, places, net, run, of) > 0:
+            break
+        for i in range(len(bus)):
+            of.v[i] = run.volt[bus[i]]
+        now, scale = np.inf, 1.0
+        for _halving in range(HALVINGS):
+            for i in range(len(bus)):
+                run.volt[bus[i]] = of.v[i] - scale * of.x[F.cols[bus[i]] - first]
+            now = residual(program, places, net, run, of)
+            if now < before:
+                break
+            scale *= 0.5
+        if not now < before:
+            break
+        before = now
+    return False
+
+
+@inline
+def creep(program, places, net, run, of):
+    """Implicit Euler steps of v' = -F; returns whether they end where F is zero."""
+    F, bus, pace = net.factors, places.near_bus, 0.3
+    first, before = F.again[0], residual(program, places, net, run, of)
+    for _ in range(SLOW_STEPS):
+        if before < TOLERANCE:
+            backward(F, run.solve.work, run.volt)
+            return True
+        take_slopes(program, places, net, run, of)
+        while not 0 < solve_for_step(1 + 1 / pace, places, net, run, of) < LONGEST:
+            pace *= 0.5
+            if pace < SHORTEST:
+                return False
+        for b in bus:
+            run.volt[b] -= of.x[F.cols[b] - first]
+        now = residual(program, places, net, run, of)
+        pace = min(max(pace * before / now, 0.05), 1e6)
+        before = now
+    return False
+
+
+@inline
+def solve_for_step(scale, places, net, run, of):
+    """Solve (scale S - D) x = S F; returns the largest change of a voltage, 0 if there are no factors."""
+    largest = 0.0
+    run.notes[NOTE.kept] = 0
+    if not eliminate(of.pattern, scale, of.slopes, of.a, of.b):
+        return 0.0
+    for i in range(len(of.x)):
+        of.x[i] = 0
+    for e in range(len(of.pattern.S)):
+        of.x[of.pattern.row[e]] += of.pattern.S[e] * of.F[of.pattern.col[e]]
+    substitute(of.pattern, of.a, of.b, of.x)
+    for b in places.near_bus:
+        largest = max(largest, square(of.x[net.factors.cols[b] - net.factors.again[0]]))
+    return np.sqrt(largest)
+
+
+@inline
+def draw(program, places, net, run):
+    """Voltage-dependent currents at the present voltages, added to the sources in the iterated rows."""
+    F, work = net.factors, run.solve.work
+    for d in places.draw_bus:
+        run.current[d] = 0
+    perform(program.current, program.w, program.k, run.s, run.f, net.island)
+    for i in range(F.again[0], F.all[0]):
+        work[i] = run.solve.begun[i]
+    for d in places.draw_bus:
+        work[F.back[d]] += run.current[d]
+
+
+@inline
+def residual(program, places, net, run, of):
+    """Fill F in the iterated rows; returns its largest magnitude, whose bus is in the notes."""
+    F, highest = net.factors, 0.0
+    draw(program, places, net, run)
+    middle(F, run.solve.work)
+    for b in places.near_bus:
+        miss = run.volt[b] - run.solve.work[F.cols[b]]
+        of.F[F.cols[b] - F.again[0]] = miss
+        size = square(miss)
+        if not size <= highest:
+            highest, run.notes[NOTE.bus] = size, b
+    return np.sqrt(highest)
+
+
+@inline
+def take_slopes(program, places, net, run, of):
+    """Slopes of the currents at the present voltages, by complex steps of all real, then all imaginary parts."""
+    at = places.voltages
+    copy(run.s, of.s)
     for k in range(2):
-        tried = v.copy()
-        tried[:, k] += 1j * TINY
-        currents(calls, program, places, net, z, tried, out)
-        bent.append(out.imag / TINY)
-    return np.stack(bent, axis=2)
+        for d in places.draw_bus:
+            re = at + 2 * d
+            of.s[re], of.s[re + 1] = run.s[re], run.s[re + 1]
+            of.s[re + k] += 1j * TINY
+            of.f[re] = of.f[re + 1] = 0
+        perform(of.calls, program.w, program.k, of.s, of.f, net.island)
+        for j in range(len(places.draw_bus)):
+            re = at + 2 * places.draw_bus[j]
+            di = (of.f[re].imag + 1j * of.f[re + 1].imag) / TINY
+            if k == 0:
+                of.slopes[j, 0] = of.slopes[j, 1] = 0.5 * di
+            else:  # of a step of j, which is a - b times j
+                of.slopes[j, 0] -= 0.5j * di
+                of.slopes[j, 1] += 0.5j * di

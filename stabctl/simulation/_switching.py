@@ -17,7 +17,7 @@ from stabctl._util.jit import inline, noinline
 from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform, perform_due
 
-from ._voltages import settle
+from ._voltages import FOUND, settle
 from .method import freeze_disconnected, hold_at_limits
 
 FINE = 1e-6  # of a step; a jump nearer to one of its ends does not divide it
@@ -184,7 +184,7 @@ def first_switch(h, program, places, net, run):
     set_orders(0, places, run)
     if NEAR < high < 1 - NEAR:
         interpolate(high, 0.5, h, run)
-        if settle(program, places, net, run):
+        if settle(program, places, net, run) == FOUND:
             copy(run.volt, run.part.volts[1])
             m = high
             if switched(low, m, h, program, places, net, run) or not switched(high, m, h, program, places, net, run):
@@ -309,7 +309,7 @@ def close(program, places, net, run):
 @noinline
 def settled(program, places, net, run):
     """Solve for the voltages; returns whether they were found."""
-    return settle(program, places, net, run)
+    return settle(program, places, net, run) == FOUND
 
 
 @inline

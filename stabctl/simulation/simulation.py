@@ -16,7 +16,6 @@ from stabctl.model.network import Switching
 
 from . import _judgment, closed, stepper, steps, swings
 from ._buffers import NOTE, buffers
-from ._newton import NO_ROWS, Slopes, advance
 from .attached import attached
 from .contingency import Disturbance, timed_events
 from .control import Control, Frames, Pilot, acting, carry
@@ -93,7 +92,7 @@ class Simulation:
         self.time, self.wall_s, self.steps = start, 0.0, 0
         self.outcome: Outcome | None = None
         self._taken_off: list[str] = []
-        self._verdict, self._slopes = _judgment.DONE, Slopes()
+        self._verdict = _judgment.DONE
         self._finished: Trajectory | None = None
         self._swings: tuple[float, Swings | None] | None = None  # instant and last swings then
         self._at, self._since = 0, start
@@ -147,7 +146,7 @@ class Simulation:
 
     def settled(self) -> np.ndarray:
         """Every signal now, with voltages and outputs brought up to date."""
-        self._advance(steps.NONE, True, NO_ROWS)
+        self._advance(steps.NONE, True, stepper.NO_ROWS)
         return self._run.s
 
     @property
@@ -211,7 +210,7 @@ class Simulation:
         for array in (rows, times, peak):
             array.setflags(write=False)
         happened = Happened(self.changes[: self._at + 1], self._off.copy(), self._stage.net.island)
-        cost = self.step, self.steps, self.wall_s
+        cost = self.step, self.steps, self.wall_s, int(self._run.notes[NOTE.newton])
         self._finished = Trajectory(self.point, self.outcome, times, rows, peak, happened, *cost)
         return self._finished
 
@@ -233,6 +232,7 @@ class Simulation:
     def _enter(self) -> None:
         self._since, self._known = self.time, False
         self._run.solve.moves[:], self._run.late[0], self._run.loop.known[0] = 0, -1.0, 0
+        self._run.notes[NOTE.kept] = 0
         self._stage = stage(self.point, self.changes[self._at].switching)
         self._record.enter(self._stage.net)
         self._off[(self._stage.net.island < 0) & np.isinf(self._off)] = self.time
@@ -243,6 +243,11 @@ class Simulation:
         if self._stage.constants:
             k = constants(self.wired, self._stage, self._program.k)
             self._program = self._program._replace(k=k)
+        if self._run.notes[NOTE.hard]:
+            self._prepare_newton()
+
+    def _prepare_newton(self) -> None:
+        self._newton = self.wired.prepare_newton(self._program, self._places, self._stage, self._run)
 
     def _windows(self) -> None:
         """Open and close the windows of time in which controllers act."""
@@ -355,9 +360,15 @@ class Simulation:
         return verdict, made
 
     def _advance(self, now: steps.Steps, last: bool, history: np.ndarray) -> tuple[int, int]:
-        """Steps of the compiled loop, with Newton's method when it is requested."""
-        plan, of = stepper.Plan(now.sizes, now.due, last), (self._program, self._places, self._stage.net, self._run)
-        return advance(self.wired, *of, self._rules, plan, history, self._slopes)
+        """Steps of the compiled loop; Newton's method is prepared where it asks for it."""
+        plan, at, verdict = stepper.Plan(now.sizes, now.due, last), stepper.START, _judgment.NEWTON
+        while verdict == _judgment.NEWTON:
+            of = self._program, self._places, self._stage.net, self._run, self._rules
+            verdict, at = stepper.advance(*of, plan, at, history)
+            at = stepper.Cursor(*at)
+            if verdict == _judgment.NEWTON:
+                self._prepare_newton()
+        return verdict, at.step
 
 
 def run(

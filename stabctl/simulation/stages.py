@@ -7,7 +7,6 @@ import numpy as np
 from stabctl._util.errors import StudyError
 
 from ._buffers import Run, buffers
-from ._newton import Slopes, of_wired
 from .method import STAGES
 from .stepper import START, Cursor, replay
 from .topology import Stage, stage
@@ -72,10 +71,13 @@ def constants(system: Wired, network: Stage, k: np.ndarray) -> np.ndarray:
 
 def _replay(system: Wired, network: Stage, run: Run, rows: np.ndarray, made: Stages) -> None:
     p = system.program._replace(k=constants(system, network, system.program.k))
-    places, net, at, kept = system.places, network.net, START, Slopes()
-    of_made = made.sizes, np.ascontiguousarray(rows)
-    while (at := Cursor(*replay(p, places, net, run, *of_made, at, made.signals, made.held, made.clipped))).step < len(
-        rows
-    ):
-        if not of_wired(system, p, places, net, run, kept):
-            raise StudyError("The voltages of a stage were not found, so the run has no derivatives there.")
+    again, at, rows, held = True, START, np.ascontiguousarray(rows), None
+    while again:
+        again, at = replay(
+            p, system.places, network.net, run, made.sizes, rows, Cursor(*at), made.signals, made.held, made.clipped
+        )
+        if again:
+            held = system.prepare_newton(p, system.places, network, run)
+    del held  # until here
+    if Cursor(*at).step < len(made.sizes):
+        raise StudyError("The voltages of a stage were not found, so the run has no derivatives there.")

@@ -27,10 +27,10 @@ from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform
 
 from ._buffers import NOTE
-from ._judgment import DONE, NEWTON, count_reversals, judge, measure_excess
+from ._judgment import DONE, NEWTON, NO_VOLTAGE, count_reversals, judge, measure_excess
 from ._substitution import solve_apart
 from ._switching import close, decide, first_jump, jump, jumped, rates
-from ._voltages import settle
+from ._voltages import FOUND, LOST, UNPREPARED, settle
 from .method import RK4, STAGES, advance_states, clip_at_limits, freeze_disconnected, hold_at_limits
 
 MOST = 4  # jumps found in one step; what switches later in it does so at its end
@@ -56,11 +56,13 @@ class Cursor(NamedTuple):
     row: int  # of `Places.limited`: the device that fills or empties at the end of this part, -1: none
     parts: int  # into which the step is divided so far
     decided: bool  # frames, gates and laws that are due at the start have acted
-    solved: bool  # the voltages at this stage are known
+    predicted: bool  # the voltages at this stage are predicted
+    solved: bool  # they are known
 
 
+NO_ROWS = np.empty((0, 0))
 NOTHING = Plan(np.empty(0), np.empty(0, np.int64), False)
-START = Cursor(0, 0, 0.0, 1.0, -1, 1, False, False)
+START = Cursor(0, 0, 0.0, 1.0, -1, 1, False, False, False)
 
 
 @entry
@@ -68,7 +70,7 @@ def advance(program, places, net, run, rules, plan, at, history):
     """Make the steps of a plan from a cursor on; returns a verdict and the cursor where it was reached.
 
     Row k of `history` (steps, or one more; signals) is the record at the start of step k; it has no rows if nothing is
-    kept. The verdict NEWTON asks the caller to solve for the voltages at the cursor and to call again with it.
+    kept. The verdict NEWTON asks the caller to prepare Newton's method and to call again with the cursor.
     """
     steps, may_jump = len(plan.sizes), places.relay or places.abrupt or len(places.stops) > 0
     if not at.solved:
@@ -81,13 +83,14 @@ def advance(program, places, net, run, rules, plan, at, history):
         # With relays, the voltages at the end of a whole step are solved for too: they tell whether one has switched.
         stages = STAGES + 1 if places.relay and at.end == 1 else STAGES
         for stage in range(at.stage, stages):
-            if not at.solved:
+            if not (at.solved or at.predicted):
                 predict(stage, undivided, span, program, places, net, run)
             while True:
-                if not (at.solved or settle(program, places, net, run)):
-                    return NEWTON, at_stage(stage, at.decided, True, at)  # the caller solves for them, and calls again
+                found = FOUND if at.solved else settle(program, places, net, run)
+                if found != FOUND:
+                    return NO_VOLTAGE if found == LOST else NEWTON, at_stage(stage, at.decided, True, False, at)
                 changed = not at.decided and start(due, span, program, places, net, run)
-                at = at_stage(stage, True, not changed, at)
+                at = at_stage(stage, True, True, not changed, at)
                 if not changed:
                     break
             if stage == STAGES:
@@ -107,13 +110,23 @@ def advance(program, places, net, run, rules, plan, at, history):
                     return DONE, at
             advance_states(stage, span, run)
             clip_at_limits(run.s, places)
-            at = at_stage(stage + 1, at.decided, False, at)
+            at = at_stage(stage + 1, at.decided, False, False, at)
         # A part that ends at a jump: orders switch, or a device stops. The rest of the step is the next part.
         if at.end < 1:
             jump(at.row, h, places, run)
             copy(run.s, run.part.x)
             begin(0.0, places, run)
-            at = Cursor(at.step, 0, at.end, end=1.0, row=-1, parts=at.parts, decided=not places.follows, solved=False)
+            at = Cursor(
+                at.step,
+                0,
+                at.end,
+                end=1.0,
+                row=-1,
+                parts=at.parts,
+                decided=not places.follows,
+                predicted=False,
+                solved=False,
+            )
             continue
         # Where does the first jump within this part lie? If there is one, make the part again, up to it. Orders that
         # chatter jump in every step, without end: after `CHATTER` such steps they act at the ends of steps only.
@@ -128,7 +141,7 @@ def advance(program, places, net, run, rules, plan, at, history):
                 if places.follows:
                     again(places, run)
                 cut = at.begin + t * (at.end - at.begin)
-                at = Cursor(at.step, 0, at.begin, cut, row, at.parts + 1, decided=True, solved=False)
+                at = Cursor(at.step, 0, at.begin, cut, row, at.parts + 1, decided=True, predicted=False, solved=False)
                 continue
         if run.notes[NOTE.divided] < CHATTER:
             run.notes[NOTE.divided] = run.notes[NOTE.divided] + 1 if at.parts > 1 else 0
@@ -140,7 +153,9 @@ def advance(program, places, net, run, rules, plan, at, history):
         count_reversals(places, run, h)
         run.s[places.seen.time] += h
         # With relays, the voltages at the start of the next step are known: they are those at this end.
-        at = Cursor(at.step + 1, 0, begin=0.0, end=1.0, row=-1, parts=1, decided=False, solved=places.relay)
+        at = Cursor(
+            at.step + 1, 0, begin=0.0, end=1.0, row=-1, parts=1, decided=False, predicted=False, solved=places.relay
+        )
         if verdict != DONE:
             return verdict, at
     return DONE, at
@@ -195,6 +210,7 @@ def start_from_no_load(program, places, net, run):
     perform(program.source, program.w, program.k, run.s, run.f, net.island)
     solve_apart(net.factors, run.current, run.solve.work, run.volt)
     clear_dead_buses(net, run)
+    run.notes[NOTE.kept] = -1
 
 
 @inline
@@ -265,28 +281,30 @@ def record(places, net, run, row):
 
 
 @inline
-def at_stage(stage, decided, solved, at):
+def at_stage(stage, decided, predicted, solved, at):
     """The cursor at another stage of the same part of a step."""
-    return Cursor(at.step, stage, at.begin, at.end, at.row, at.parts, decided, solved)
+    return Cursor(at.step, stage, at.begin, at.end, at.row, at.parts, decided, predicted, solved)
 
 
 @entry
 def replay(program, places, net, run, sizes, rows, at, signals, held, clipped):
     """Make the stages of recorded steps once more: of the given sizes (s), each beginning at its row.
 
-    Returns where it is; if steps are left, it asks for the voltages of the stage there, to be called again.
+    Returns whether Newton's method has to be prepared, to be called again, and where it is: at a step that is left
+    where voltages were not found.
     """
     while at.step < len(sizes):
         h, step = sizes[at.step], at.step
         for stage in range(at.stage, STAGES):
-            if not at.solved:
+            if not at.predicted:
                 if stage == 0:
                     for k in range(rows.shape[1]):
                         run.s[k] = rows[step, k]
                     copy(run.s, run.part.x)
                 copy(run.volt, run.solve.before)
-                if not settle(program, places, net, run):
-                    return at_stage(stage, True, True, at)
+            found = settle(program, places, net, run)
+            if found != FOUND:
+                return found == UNPREPARED, at_stage(stage, True, True, False, at)
             perform(program.sweep, program.w, program.k, run.s, run.f, net.island)
             copy(run.s, signals[step, stage])
             for k in range(len(places.limited)):
@@ -303,6 +321,6 @@ def replay(program, places, net, run, sizes, rows, at, signals, held, clipped):
             for k in range(len(places.limited)):
                 free, kept = clipped[step, stage, k], run.s[places.limited[k]]
                 clipped[step, stage, k] = 1.0 if free > kept else -1.0 if free < kept else 0.0
-            at = at_stage(stage + 1, True, False, at)
-        at = Cursor(at.step + 1, 0, begin=0.0, end=1.0, row=-1, parts=1, decided=True, solved=False)
-    return at
+            at = at_stage(stage + 1, True, False, False, at)
+        at = Cursor(at.step + 1, 0, begin=0.0, end=1.0, row=-1, parts=1, decided=True, predicted=False, solved=False)
+    return False, at

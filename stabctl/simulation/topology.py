@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from stabctl.model import naming, network
 from stabctl.model.location import circuit
 from stabctl.model.network import Switching
 
+from ._elimination import Pattern, pattern
 from ._places import Net
 from ._substitution import factor
 
@@ -30,6 +32,12 @@ class Stage:
     constants: tuple[tuple[str, int, Any], ...]  # table, row and new constants of the devices that have changed
     island_of_bus: np.ndarray  # (buses)
     Y: sp.csc_matrix  # (buses, buses) pu, complex
+    draw_bus: np.ndarray  # (drawing buses) rows of the buses with voltage-dependent currents
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """What Newton's method eliminates."""
+        return pattern(self.net.factors, self.draw_bus)
 
 
 def stage(point: OperatingPoint, switching: Switching) -> Stage:
@@ -71,7 +79,8 @@ def _stage(point: OperatingPoint, switching: Switching) -> Stage:
             "shunts and series capacitors."
         ) from None
     changed = *loads, *_blocked(point, alive), *_measured(point, switching)
-    return Stage(Net(factors, compact, at, alive, switching.faulted, bool((compact >= 0).all())), changed, where, Y)
+    net = Net(factors, compact, at, alive, switching.faulted, bool((compact >= 0).all()))
+    return Stage(net, changed, where, Y, point.system.draw_bus)
 
 
 def _held(point: OperatingPoint) -> np.ndarray:

@@ -43,6 +43,8 @@ class Trajectory:
         The events, and which units they tripped.
     step, steps, wall_s
         Time step (s), number of steps, and computing time (s).
+    newton_stages
+        Stages of the steps, of which each has four or more, at which Newton's method solved for the voltages.
     idle
         Whether there are storage devices that nothing gives orders to.
     """
@@ -56,6 +58,7 @@ class Trajectory:
     step: float
     steps: int
     wall_s: float
+    newton_stages: int = 0
     idle: bool = False
 
     plot = verb("stabctl.view.figures.trajectory:plot")

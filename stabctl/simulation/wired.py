@@ -22,7 +22,10 @@ from stabctl.dynamics.rows import NO_UNIT
 from stabctl.model.case import Case
 
 from . import line
+from ._buffers import Run
+from ._newton import newton, space
 from ._places import Places, Relative, places, with_ratings
+from .topology import Stage
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +41,17 @@ class Wired:
     start: np.ndarray  # s
     kept: dict[Any, Any] = field(repr=False)  # what follows from the tables, shared by all systems of one structure
 
-    def for_newton(self) -> Program:
-        """The program for complex numbers, which gives derivatives; kept with the system."""
+    def prepare_newton(self, p: Program, places: Places, network: Stage, run: Run) -> Any:
+        """Let a run solve for the voltages by Newton's method; returns what must live as long as it is on this network.
+
+        The calls for complex numbers are kept with the system.
+        """
         if "newton" not in self.kept:
-            self.kept["newton"] = program(self.families, complex)
-        return self.kept["newton"]
+            self.kept["newton"] = program(self.families, complex).current
+        own = space(self.kept["newton"], network.pattern, places, run)
+        call = newton.bound(p, places, network.net, run, own)
+        run.newton[:] = call.address, call.words
+        return call
 
     def constants_at(self, table: str) -> int:
         """Place in the program's constants of the first constant of a table."""

@@ -7,10 +7,8 @@ from records import cim, ieel, zip_load
 
 from stabctl._util.errors import EquilibriumError
 
-LOAD = ieel.Par(
-    P0=2.0, Q0=0.8, V0=1.03, vlow=0.5, wb=377.0, a1=0.4, a2=0.2, a3=0.4, a4=0.5, a5=0.25, a6=0.25, a7=2.0, a8=-1.5,
-    n1=1.8, n2=1.0, n3=0.0, n4=2.0, n5=1.0, n6=0.0,
-)  # fmt: skip
+SHARES = {"a1": 0.4, "a2": 0.2, "a3": 0.4, "a4": 0.5, "a5": 0.25, "a6": 0.25, "a7": 2.0, "a8": -1.5, "n1": 1.8}
+LOAD = ieel.prepare(ieel.Par(P0=2.0, Q0=0.8, V0=1.03, vlow=0.5, wb=377.0, **SHARES))
 
 
 def drawn(par, v, df=0.0):
@@ -34,7 +32,7 @@ def test_power_over_voltage_and_frequency(v):
 
 
 def test_powers_0_1_and_2_are_the_load_of_three_parts():
-    par = LOAD._replace(a1=0.5, a2=0.3, a3=0.2, n1=2.0, n2=1.0, n3=0.0, V0=1.0, a7=0.0, a8=0.0)
+    par = ieel.prepare(LOAD._replace(a1=0.5, a2=0.3, a3=0.2, n1=2.0, n2=1.0, n3=0.0, V0=1.0, a7=0.0, a8=0.0))
     parts = zip_load.Par(Pp=0.4, Qp=0.2, Pc=0.6, Qc=0.2, Pz=1.0, Qz=0.4, vlow=0.5)
     for v in (0.2 + 0.1j, 0.9 - 0.2j, 1.1 + 0j):
         assert ieel.current(ieel.State(0.0, 0.0), (v.real, v.imag), par) == pytest.approx(

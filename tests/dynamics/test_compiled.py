@@ -14,7 +14,7 @@ from stabctl.controllers import BangBang, Feedback
 from stabctl.dynamics import operating_point, perform
 from stabctl.model.network import UNSWITCHED
 from stabctl.model.tables import Storage
-from stabctl.simulation import _voltages, simulation, stepper
+from stabctl.simulation import simulation, stepper
 from stabctl.simulation.events import Clear, Fault, TripMachine
 from stabctl.simulation.topology import stage
 from stabctl.simulation.wired import wired
@@ -38,7 +38,6 @@ def test_every_case_and_option_runs_on_one_compilation():
         everything(io.load(name).classical())
     assert len(stepper.advance.signatures()) == 1
     assert len(perform.evaluate.signatures()) == 1
-    assert len(_voltages.newton_from.signatures()) <= 1
 
 
 def arrays(record):

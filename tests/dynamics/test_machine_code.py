@@ -17,7 +17,7 @@ import stabctl
 from stabctl import devices
 from stabctl._util import jit
 from stabctl.dynamics import operating_point, perform
-from stabctl.simulation import _voltages, stepper
+from stabctl.simulation import _newton, stepper
 
 PACKAGE = Path(stabctl.__file__).parent
 NAMES = """
@@ -34,11 +34,11 @@ def names():
     from stabctl.controllers import BangBang, Feedback, hold
     from stabctl.devices import of
     from stabctl.dynamics import _codegen, adder, perform
-    from stabctl.simulation import _voltages, stepper
+    from stabctl.simulation import stepper
 
     laws = {"hold": of(hold), "bang_bang": BangBang().device, "feedback": Feedback().device}
     modules = {**devices.every(), **laws, "adder": of(adder)}
-    entries = stepper.advance, _voltages.newton_from, perform.evaluate
+    entries = stepper.advance, perform.evaluate
     return {
         name: [_codegen._module(name, device, scalar).__module__ for scalar in (float, complex)]
         for name, device in modules.items()
@@ -55,8 +55,8 @@ for file, (old, new) in json.load(sys.stdin).items():
     path.write_text(before)
 print(json.dumps(found))
 """
-ENTRIES = {"advance", "newton_from", "evaluate"}
-STEPPER = {"advance", "newton_from"}
+ENTRIES = {"advance", "evaluate"}
+STEPPER = {"advance"}
 EDITS = {
     "devices/machines/genrou.py": {"genrou", "genroe"},
     "devices/stabilizers/pss.py": {"pss"},
@@ -66,8 +66,10 @@ EDITS = {
     "controllers/hold.py": {"hold"},
     "dynamics/adder.py": {"adder"},
     "dynamics/perform.py": ENTRIES,
-    "simulation/stepper.py": {"advance"},
+    "simulation/stepper.py": STEPPER,
     "simulation/_voltages.py": STEPPER,
+    "simulation/_newton.py": STEPPER,
+    "simulation/_elimination.py": STEPPER,
     "simulation/_substitution.py": STEPPER,
     "model/powerflow.py": set(),
     "dynamics/newton.py": set(),
@@ -156,7 +158,7 @@ def test_an_edited_device_of_the_user_is_compiled_anew(tmp_path):
         sys.modules.pop("my_signals", None)
 
 
-MODULES = [*(device.module for device in devices.every().values()), stepper, _voltages, perform]
+MODULES = [*(device.module for device in devices.every().values()), stepper, _newton, perform]
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda m: m.__name__)
@@ -178,6 +180,4 @@ def _defining(home, name):
         return [Path(sys.modules[f"{home}.{name}"].__file__).read_text()]  # a module itself
     near = [m for key, m in sys.modules.items() if key == home or key.startswith(f"{home}.")]
     texts = [Path(m.__file__).read_text() for m in near if m.__file__]
-    return [
-        text for text in texts if re.search(rf"^ *((def|class) {name}\b|({name}|.*, {name}|{name}, .*) = )", text, re.M)
-    ]
+    return [text for text in texts if re.search(rf"^ *((def|class) {name}\b|(.*, )?{name}(, .*)? = )", text, re.M)]

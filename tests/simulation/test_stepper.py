@@ -1,23 +1,10 @@
 """Laws of the stepper, as plain Python: where it may be interrupted, and what the table of its method does."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from in_plain_python import experiment
 
-SCRIPT = Path(__file__).parent / "in_plain_python.py"
 STEPS = 60
-
-
-def experiment(name, folder):
-    out = folder / f"{name}.npz"
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    subprocess.run([sys.executable, SCRIPT, name, out], check=True, env=environment)
-    with np.load(out) as found:
-        return dict(found)
 
 
 @pytest.fixture(scope="module")

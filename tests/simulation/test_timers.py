@@ -10,7 +10,6 @@ from stabctl.clearing import Search, Trial, clearing_time
 from stabctl.clearing.critical_time import last_stable
 from stabctl.controllers import BangBang
 from stabctl.dynamics.operating_point import initialize
-from stabctl.simulation import _newton
 from stabctl.simulation._judgment import time_beyond
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion
@@ -55,19 +54,6 @@ def test_the_solution_beyond_a_kink_is_found(wscc9):
     after = found.time > found.happened.changes[-1].at
     assert 0.4 < low[after].min() < 0.5  # below its threshold, and above it again
     assert low[-1] > 0.6
-
-
-def test_without_the_start_from_no_load_newtons_method_stalls(wscc9, monkeypatch):
-    """What the run above needs: from the present voltages alone there is no way past the kink."""
-    whole, attempts = _newton._voltages.newton_from, []
-
-    def counted(*arguments):
-        attempts.append(whole(*arguments))
-        return attempts[-1]
-
-    monkeypatch.setattr(_newton._voltages, "newton_from", counted)
-    run(wscc9, Contingency("8", clear="6.3cyc", trip="8-9"), 3.0, step=1 / 2000)
-    assert (False, True) in pairwise(attempts)  # the first start fails, the second finds the solution
 
 
 @pytest.mark.parametrize(("control", "name"), [(None, "idle"), (BangBang(), "bang-bang")])

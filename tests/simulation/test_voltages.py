@@ -2,22 +2,21 @@
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from comparison import KEEP_ON
+from in_plain_python import experiment
 from scipy.optimize import root
 from systems import with_shares
 
 from stabctl.controllers import Feedback
 from stabctl.devices import of
 from stabctl.dynamics import _codegen, family, operating_point
-from stabctl.dynamics.program import program
-from stabctl.model.network import UNSWITCHED
-from stabctl.simulation import _newton, _voltages, center, frame, line, lti
-from stabctl.simulation._buffers import NOTE, buffers, dense, newton_space
+from stabctl.simulation import center, frame, line, lti
+from stabctl.simulation._elimination import eliminate, pattern, substitute
+from stabctl.simulation._substitution import backward, factor, forward
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 from stabctl.simulation.timeline import timeline
-from stabctl.simulation.topology import stage
-from stabctl.simulation.wired import wired
 
 
 def at(run, t):
@@ -96,76 +95,76 @@ class TestNewtonFallback:
     def test_families_with_a_loop_of_their_own_exist_for_complex_numbers(self, device):
         assert _codegen.address(device.__name__.rpartition(".")[2], of(device), complex) is not None
 
-    def test_factors_of_an_earlier_instant_give_the_same_voltages(self, cases):
-        """Kept while the sources change; near the kinks, where they do not help, present ones are made."""
-        point = operating_point.solve(self.heavy(cases))
-        made, p = wired(point, None), program(wired(point, None).families, complex)
-        net, own = stage(point, UNSWITCHED).net, self.sources(point)(point.s)
-        kept, made_again = _newton.Slopes().of(net), 0
-        for scale in (1.0, 0.995, 0.99, 0.97, 0.96, 0.9, 0.8, 1.0):
-            found = []
-            for slopes in (kept, _newton.Slopes().of(net)):
-                q, before = buffers(made.start, made.layout, made.places), slopes.factors
-                q.solve.source[:] = scale * own
-                if _newton.sparse(p.current, p, made.places, net, q, newton_space(q), False, slopes):
-                    found.append(q.volt)
-                made_again += slopes is kept and slopes.factors is not before
-            assert len(found) in (0, 2)
-            if found:
-                assert np.abs(found[0] - found[1]).max() < 1e-7
-        assert 1 < made_again < 8
+    @pytest.mark.parametrize("method", ["keep", "descend", "creep", "newton"])
+    def test_it_agrees_with_scipy_on_the_same_equations(self, cases, weakened, method):
+        """Sources weakened, so that one load and then both fall below their thresholds.
 
-    @pytest.mark.parametrize("many", [0, 200])
-    def test_singular_slopes_are_no_solution(self, cases, monkeypatch, many):
-        """Of the dense and of the sparse method: the voltages are unchanged, and a bus with a load is named."""
-        point = operating_point.solve(self.heavy(cases))
-        made, net = wired(point, None), stage(point, UNSWITCHED).net
-        q, p = buffers(made.start, made.layout, made.places), program(made.families, complex)
-        q.solve.source[:], q.notes[NOTE.bus] = 0.9 * self.sources(point)(point.s), -1
-        before = q.volt.copy()
-
-        def singular(*_, **__):
-            raise np.linalg.LinAlgError if not many else RuntimeError
-
-        monkeypatch.setattr(_newton, "MANY", 0 if many else 200)
-        monkeypatch.setattr(*((_newton.spl, "splu") if many else (_newton._voltages, "newton_from")), singular)
-        kept = _newton.Slopes().of(net)
-        assert not _newton.newton(p.current, p, made.places, net, q, newton_space(q), kept=kept)
-        assert np.array_equal(q.volt, before)
-
-    @pytest.mark.parametrize("slow", [False, True])
-    @pytest.mark.parametrize("scale", [1.0, 0.97, 0.96, 0.955, 0.95, 0.945, 0.94, 0.93, 0.92, 0.9, 0.8, 0.6, 0.3, 0.1])
-    def test_it_agrees_with_scipy_on_the_same_equations(self, cases, scale, slow):
-        """Sources weakened to `scale`, so that one load and then both fall below their thresholds.
-
-        Plain Newton may stop at the kink between; slowly it finds the solution that there always is.
+        Newton's steps may stop at the kink between; slowly they find the solution that there always is.
         """
-        point = operating_point.solve(self.heavy(cases))
-        made = wired(point, None)
-        source = scale * self.sources(point)(point.s)
-        Y = point.admittance().toarray()
+        point, ended = operating_point.solve(self.heavy(cases)), []
+        Y, own = point.admittance().toarray(), self.sources(point)(point.s)
+        for name in (name for name in weakened if name.startswith(f"{method} ")):
+            source, (found, *V) = float(name.split()[1]) * own, weakened[name]
+            ended.append(bool(found))
+            if not found:
+                assert np.array_equal(V, point.V) or method in ("keep", "descend")
+                continue
 
-        def miss(pairs):
-            V = np.ascontiguousarray(pairs).view(complex)
-            return np.linalg.solve(Y, Y @ V - source - self.draws(point, V)).view(float)
+            def miss(pairs, source=source):
+                V = np.ascontiguousarray(pairs).view(complex)
+                return np.linalg.solve(Y, Y @ V - source - self.draws(point, V)).view(float)
 
-        q = buffers(made.start, made.layout, made.places)
-        q.solve.source[:] = source
-        p, net = program(made.families, complex), stage(point, UNSWITCHED).net
-        found = _voltages.newton_from(
-            p.current, p, made.places, net, q, newton_space(q), dense(len(made.places.draw_bus)), slow
-        )
-        assert found or not slow
-        other = buffers(made.start, made.layout, made.places)
-        other.solve.source[:] = source
-        kept = _newton.Slopes().of(net)
-        assert _newton.sparse(p.current, p, made.places, net, other, newton_space(other), slow, kept) == found
-        assert np.abs(other.volt - q.volt).max() < 3e-7  # 1.8e-7: the dense method ends at a residual of 1e-7
-        if found and not slow:
-            assert np.abs(miss(other.volt.view(float))).max() < 2e-9
-        assert found or other.notes[NOTE.bus] == q.notes[NOTE.bus]
-        if found:
-            assert np.abs(miss(q.volt.view(float))).max() < 2e-7
-            theirs = root(miss, q.volt.view(float), tol=1e-12)
+            pairs = np.array(V).view(float)
+            theirs = root(miss, pairs, tol=1e-12)
             assert np.abs(theirs.fun).max() < 1e-12  # 7e-16; it may call a stop at rounding no success
-            assert np.abs(theirs.x.view(complex) - q.volt).max() < 1e-6
+            assert np.abs(theirs.x - pairs).max() < {"creep": 1e-6, "newton": 1e-6}.get(method, 1e-9)
+        assert all(ended) == (method in ("creep", "newton"))
+        assert sum(ended) > 1
+
+    def test_a_start_from_no_load_finds_the_solution_beyond_a_kink(self, weakened):
+        """As the sources rise, Newton steps from the present voltages end nowhere, those from no load do."""
+        assert weakened["tried"].tolist() == [False, True]
+        assert np.abs(weakened["risen"]).max() < 1e-10  # the voltages of the power flow
+
+
+@pytest.fixture(scope="module")
+def weakened(tmp_path_factory):
+    return experiment("newton", tmp_path_factory.mktemp("newton"))
+
+
+def test_factors_with_slopes_solve_the_equations_in_real_and_imaginary_parts():
+    """Any matrix, also where its rows had to be exchanged for the pivots, against dense real equations."""
+    exchanged = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        n = int(rng.integers(2, 40))
+        A = (rng.random((n, n)) < 2 / n) * (rng.normal(size=(n, n)) + 1j * rng.normal(size=(n, n)))
+        Y = A + A.T + np.diag(rng.random(n) * (seed % 3))
+        bus = np.sort(rng.choice(n, int(rng.integers(1, n + 1)), replace=False))
+        slopes = rng.normal(size=(len(bus), 2)) + 1j * rng.normal(size=(len(bus), 2))
+        try:
+            F = factor(sp.csc_matrix(Y), bus)
+        except RuntimeError:
+            continue  # singular
+        exchanged += not np.array_equal(F.back, F.cols)
+        of = pattern(F, bus)
+        a, b, x = np.zeros(len(of.S), complex), np.zeros(len(of.S), complex), np.zeros(n, complex)
+        current, v = rng.normal(size=n) + 1j * rng.normal(size=n), np.zeros(n, complex)
+        assert eliminate(of, 1.0, slopes, a, b)
+        forward(F, current, x)
+        substitute(of, a, b, x[int(F.again[0]) :])
+        backward(F, x, v)
+        real = np.kron(Y.real, np.eye(2)) + np.kron(Y.imag, [[0.0, -1.0], [1.0, 0.0]])
+        for d, (p, q) in zip(2 * bus, slopes, strict=True):
+            real[d : d + 2, d : d + 2] -= [[(p + q).real, (q - p).imag], [(p + q).imag, (p - q).real]]
+        wanted = np.linalg.solve(real, current.view(float)).view(complex)
+        assert np.abs(v - wanted).max() < 1e-10 * np.abs(wanted).max() * np.linalg.cond(real), seed
+    assert exchanged > 3
+
+
+def test_slopes_that_cancel_the_admittances_have_no_factors():
+    F = factor(sp.csc_matrix(np.diag([2.0 - 1j, 3.0])), [0, 1])
+    of, room = pattern(F, np.array([0, 1])), np.zeros(2, complex)
+    assert eliminate(of, 1.0, np.array([[1.0, 0.5], [3.0, 1.0]], complex), room, room.copy())
+    assert not eliminate(of, 1.0, np.array([[2.0 - 1j, 0.0], [3.0, 1.0]], complex), room, room.copy())
+    assert not eliminate(of, 1.0, np.array([[np.nan, 0.0], [3.0, 1.0]], complex), room, room.copy())

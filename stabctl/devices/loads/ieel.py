@@ -16,7 +16,7 @@ import numpy as np
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE
-from stabctl.devices.blocks import angle, at_least, magnitude, power
+from stabctl.devices.blocks import angle, at_least, magnitude
 
 NAME = "IEEL"
 ROLE = "load"
@@ -48,6 +48,8 @@ class Par(NamedTuple):
     n4: Annotated[float, "-", "exponent"] = 2.0
     n5: Annotated[float, "-", "exponent"] = 1.0
     n6: Annotated[float, "-", "exponent"] = 0.0
+    g0: Annotated[float, "-", "g(V0)", FROM_CASE] = 1.0
+    h0: Annotated[float, "-", "h(V0)", FROM_CASE] = 1.0
 
 
 class State(NamedTuple):
@@ -65,21 +67,36 @@ def from_record(_kind: str, values: dict[str, Any]) -> tuple[dict[str, Any], lis
     return values, []
 
 
+def prepare(p):
+    """The parameters, with the shapes at V0."""
+    return p._replace(g0=active(np.log(p.V0), p), h0=reactive(np.log(p.V0), p))
+
+
 @inline
-def shape(v, a, n):
-    """a1 v^n1 + a2 v^n2 + a3 v^n3."""
-    return a[0] * power(v, n[0]) + a[1] * power(v, n[1]) + a[2] * power(v, n[2])
+def term(log_v, a, n):
+    """a V^n."""
+    return a * np.exp(n * log_v) if a != 0 else 0 * log_v
+
+
+@inline
+def active(log_v, p):
+    """The shape g(V)."""
+    return term(log_v, p.a1, p.n1) + term(log_v, p.a2, p.n2) + term(log_v, p.a3, p.n3)
+
+
+@inline
+def reactive(log_v, p):
+    """The shape h(V)."""
+    return term(log_v, p.a4, p.n4) + term(log_v, p.a5, p.n5) + term(log_v, p.a6, p.n6)
 
 
 @inline
 def current(x, v, p):
     """Current into the network (pu), real and imaginary part."""
     m = at_least(magnitude(v[0], v[1]), p.vlow)
-    a, b = (p.a1, p.a2, p.a3), (p.a4, p.a5, p.a6)
-    na, nb = (p.n1, p.n2, p.n3), (p.n4, p.n5, p.n6)
-    P = p.P0 * shape(m, a, na) / shape(p.V0, a, na) * (1 + p.a7 * x.df)
-    Q = p.Q0 * shape(m, b, nb) / shape(p.V0, b, nb) * (1 + p.a8 * x.df)
-    g, h = P / (m * m), Q / (m * m)
+    log_m = np.log(m)
+    g = p.P0 * active(log_m, p) / p.g0 * (1 + p.a7 * x.df) / (m * m)
+    h = p.Q0 * reactive(log_m, p) / p.h0 * (1 + p.a8 * x.df) / (m * m)
     return -(g * v[0] + h * v[1]), h * v[0] - g * v[1]
 
 
