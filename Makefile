@@ -45,6 +45,7 @@ reproduce: .venv/demo  ## run all studies, compared with the paper in reports/in
 bench: .venv/bench  ## measure speed on this machine, of other programs and of version 0.1
 	$(BIN)/python benchmarks/start.py
 	$(BIN)/python benchmarks/core.py
+	$(BIN)/python benchmarks/hard.py
 	$(BIN)/python benchmarks/controllers.py
 	$(BIN)/python benchmarks/storage_converters.py
 	$(BIN)/python benchmarks/estimate.py

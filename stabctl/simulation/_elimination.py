@@ -1,13 +1,11 @@
 """Factors of Y - D on the iterated rows of a network, where D are the slopes of voltage-dependent currents.
 
-The current i(v) of a bus has a slope in the real and in the imaginary part of v:
+The current of a bus follows the real and the imaginary part of its voltage, each with a slope of its own:
 
-    di = a dv + b conj(dv)
+    di = p Re dv + q Im dv
 
-In the elimination, such pairs (a, b) take the place of complex numbers. A pair after another, and the inverse of one:
-
-    (a1, b1) (a2, b2) = (a1 a2 + b1 conj(b2), a1 b2 + b1 conj(a2))
-    inv(a, b) = (conj(a), -b)/(|a|^2 - |b|^2)
+So p and q, the columns of a real matrix of order two, take the place of a complex number in the elimination. That of an
+admittance Y has p = Y and q = jY.
 
 Only the buses that draw currents have slopes, and they are among the rows that are eliminated last, the iterated ones.
 The rows before these keep their complex factors of Y; what is eliminated here is S - D, where S = L D U of the iterated
@@ -85,54 +83,64 @@ def _products(
 
 
 @noinline
-def eliminate(of, scale, slopes, a, b):
-    """Factors L D U of scale S - D, in (a, b); D is kept inverted. Returns whether every pivot has an inverse."""
+def eliminate(of, scale, slopes, M):
+    """Factors L D U of scale S - D in M (entries, 4: p, q); D is kept inverted. Whether every pivot has an inverse."""
     n = len(of.L) - 1
     for e in range(len(of.S)):
-        a[e], b[e] = scale * of.S[e], 0
+        Y = scale * of.S[e]
+        M[e, 0], M[e, 1], M[e, 2], M[e, 3] = Y.real, Y.imag, -Y.imag, Y.real
     for j in range(len(of.at)):
-        a[of.at[j]] -= slopes[j, 0]
-        b[of.at[j]] -= slopes[j, 1]
+        e, p, q = of.at[j], slopes[j, 0], slopes[j, 1]
+        M[e, 0] -= p.real
+        M[e, 1] -= p.imag
+        M[e, 2] -= q.real
+        M[e, 3] -= q.imag
     for k in range(n):
-        size = square(a[k]) - square(b[k])
-        if not size * size > 0:
+        det = M[k, 0] * M[k, 3] - M[k, 1] * M[k, 2]
+        if not det * det > 0:
             return False
-        a[k], b[k] = a[k].conjugate() / size, -b[k] / size
+        M[k, 0], M[k, 1], M[k, 2], M[k, 3] = M[k, 3] / det, -M[k, 1] / det, -M[k, 2] / det, M[k, 0] / det
         for e in range(of.L[k], of.L[k + 1]):
-            a[e], b[e] = product(a[e], b[e], a[k], b[k])
+            store(M, e, product(M, e, k))
         for o in range(of.operations[k], of.operations[k + 1]):
-            t, l, r = of.target[o], of.left[o], of.right[o]
-            more = product(a[l], b[l], a[r], b[r])
-            a[t] -= more[0]
-            b[t] -= more[1]
+            t, more = of.target[o], product(M, of.left[o], of.right[o])
+            for i in range(4):
+                M[t, i] -= more[i]
     for e in range(of.U[0], of.U[n]):
-        k = of.row[e]
-        a[e], b[e] = product(a[k], b[k], a[e], b[e])
+        store(M, e, product(M, of.row[e], e))
     return True
 
 
 @inline
-def square(z):
-    """The square of a magnitude."""
-    return z.real * z.real + z.imag * z.imag
+def image(M, e, re, im):
+    """What entry e makes of a number: p re + q im, real and imaginary part."""
+    return M[e, 0] * re + M[e, 2] * im, M[e, 1] * re + M[e, 3] * im
 
 
 @inline
-def product(a, b, c, d):
-    """The pair (a, b) after the pair (c, d)."""
-    return a * c + b * d.conjugate(), a * d + b * c.conjugate()
+def product(M, e, g):
+    """Entry e after entry g."""
+    p, q = image(M, e, M[g, 0], M[g, 1]), image(M, e, M[g, 2], M[g, 3])
+    return p[0], p[1], q[0], q[1]
 
 
 @inline
-def substitute(of, a, b, x):
-    """Solve (scale S - D) x = x in place, with the factors that `eliminate` has made."""
+def store(M, e, new):
+    """Set entry e."""
+    M[e, 0], M[e, 1], M[e, 2], M[e, 3] = new
+
+
+@inline
+def substitute(of, M, x):
+    """Solve (scale S - D) x = x in place (rows, 2: real, imaginary), with the factors that `eliminate` has made."""
     n = len(of.L) - 1
     for e in range(of.L[0], of.L[n]):
-        z = x[of.col[e]]
-        x[of.row[e]] -= a[e] * z + b[e] * z.conjugate()
+        re, im = image(M, e, x[of.col[e], 0], x[of.col[e], 1])
+        x[of.row[e], 0] -= re
+        x[of.row[e], 1] -= im
     for k in range(n):
-        x[k] = a[k] * x[k] + b[k] * x[k].conjugate()
-    for back in range(of.U[n] - of.U[0]):
-        e = of.U[n] - 1 - back
-        z = x[of.col[e]]
-        x[of.row[e]] -= a[e] * z + b[e] * z.conjugate()
+        x[k, 0], x[k, 1] = image(M, k, x[k, 0], x[k, 1])
+    for e in range(of.U[n] - 1, of.U[0] - 1, -1):
+        re, im = image(M, e, x[of.col[e], 0], x[of.col[e], 1])
+        x[of.row[e], 0] -= re
+        x[of.row[e], 1] -= im

@@ -14,7 +14,7 @@ one. At last `creep` is used from the voltages before, and from zero, for a load
 below its threshold.
 """
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -24,9 +24,9 @@ from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform
 
 from ._buffers import NOTE
-from ._elimination import Pattern, eliminate, square, substitute
+from ._elimination import Pattern, eliminate, substitute
 from ._substitution import backward, forward, middle, solve_apart
-from ._voltages import LIMIT, iterate
+from ._voltages import LIMIT, iterate, restart
 
 if TYPE_CHECKING:
     from ._buffers import Run
@@ -54,26 +54,24 @@ class Newton(NamedTuple):
     s: np.ndarray  # (signals), complex   a copy of `Run.s`
     f: np.ndarray  # (nx + 2 nb), complex   currents, at the places of the voltages
     pattern: Pattern
-    slopes: np.ndarray  # (drawing buses, 2), complex, pu   of the currents by v and by conj(v)
-    a: np.ndarray  # (entries), complex   factors of S - D
-    b: np.ndarray  # (entries), complex
+    slopes: np.ndarray  # (drawing buses, 2), complex, pu   of the currents by Re v and by Im v
+    M: np.ndarray  # (entries, 4)   factors of S - D
     v: np.ndarray  # (iterated buses), complex, pu   voltages from which a step is made
     F: np.ndarray  # (iterated rows), complex, pu   residual
-    x: np.ndarray  # (iterated rows), complex, pu   right-hand side, and solution
+    x: np.ndarray  # (iterated rows, 2), pu   right-hand side, and solution, real and imaginary part
     open: np.ndarray  # (nb), complex, pu   voltages without voltage-dependent currents
 
 
 def space(calls: np.ndarray, pattern: Pattern, places: "Places", run: "Run") -> Newton:
     """Work space for a network of this pattern."""
 
-    def room(like: Any) -> np.ndarray:
-        return np.zeros(len(like), complex)
+    def room(of: np.ndarray, *more: int) -> np.ndarray:
+        return np.zeros((len(of), *more), complex)
 
-    slopes, rows = np.zeros((len(places.draw_bus), 2), complex), pattern.L[1:]
-    of_entries, of_rows = (room(pattern.S), room(pattern.S)), (room(rows), room(rows))
-    return Newton(
-        calls, room(run.s), room(run.f), pattern, slopes, *of_entries, room(places.near_bus), *of_rows, room(run.volt)
-    )
+    rows = pattern.L[1:]
+    M, x = np.zeros((len(pattern.S), 4)), np.zeros((len(rows), 2))
+    slopes, v, F, open_ = room(places.draw_bus, 2), room(places.near_bus), room(rows), room(run.volt)
+    return Newton(calls, room(run.s), room(run.f), pattern, slopes, M, v, F, x, open_)
 
 
 @entry
@@ -84,7 +82,7 @@ def newton(program, places, net, run, of):
     """
     run.notes[NOTE.newton] += 1
     run.notes[NOTE.found] = 1
-    if keep(program, places, net, run, of) or iterate(program, places, net, run) < LIMIT:
+    if keep(program, places, net, run, of) or iterate(LIMIT, program, places, net, run) < LIMIT:
         return
     for start in range(4):
         begin(start, places, net, run, of)
@@ -106,7 +104,7 @@ def begin(start, places, net, run, of):
 
 @inline
 def keep(program, places, net, run, of):
-    """Iterate with slopes kept from one instant to the next; returns whether it ended, if not with `begun` in work."""
+    """Iterate with slopes kept from one instant to the next; returns whether it ended."""
     F, work, bus = net.factors, run.solve.work, places.near_bus
     first, before, renewals = F.again[0], 0.0, 0
     while run.notes[NOTE.kept] >= 0:
@@ -114,7 +112,7 @@ def keep(program, places, net, run, of):
             if renewals == RENEWALS:
                 break
             take_slopes(program, places, net, run, of)
-            if not eliminate(of.pattern, 1.0, of.slopes, of.a, of.b):
+            if not eliminate(of.pattern, 1.0, of.slopes, of.M):
                 break
             run.notes[NOTE.kept], before = 1, 0.0
             renewals += 1
@@ -122,42 +120,38 @@ def keep(program, places, net, run, of):
         for j in range(len(places.draw_bus)):
             d = places.draw_bus[j]
             v = run.volt[d]
-            work[F.back[d]] -= of.slopes[j, 0] * v + of.slopes[j, 1] * v.conjugate()
-        substitute(of.pattern, of.a, of.b, work[first:])
-        change = 0.0
+            work[F.back[d]] -= of.slopes[j, 0] * v.real + of.slopes[j, 1] * v.imag
+        substitute(of.pattern, of.M, work[first:].view(np.float64).reshape(-1, 2))
+        moved = 0.0
         for b in bus:
             v = work[F.cols[b]]
             size = square(v - run.volt[b])
-            if not size <= change:
-                change = size
+            if not size <= moved:
+                moved = size
             run.volt[b] = v
-        change = np.sqrt(change)
-        if not change < FAR:
+        moved = np.sqrt(moved)
+        if not moved < FAR:
             break
-        if change < END or change * change < END * (before - change):
+        if moved < END or moved * moved < END * (before - moved):
             backward(F, work, run.volt)
             return True
-        if before > 0 and not change < QUICK * before:
+        if before > 0 and not moved < QUICK * before:
             run.notes[NOTE.kept] = 0
-            if not change < before:
+            if not moved < before:
                 break
-        before = change
+        before = moved
     run.notes[NOTE.kept] = 0
-    for b in bus:
-        run.volt[b] = run.solve.before[b]
-    for i in range(first, F.all[0]):
-        work[i] = run.solve.begun[i]
+    restart(places, net, run)
     return False
 
 
 @inline
 def descend(program, places, net, run, of):
     """Newton steps, halved until the residual falls; returns whether it ends at zero."""
-    F, bus = net.factors, places.near_bus
-    first, before = F.again[0], residual(program, places, net, run, of)
+    bus, before = places.near_bus, residual(program, places, net, run, of)
     for _ in range(STEPS):
         if before < CLOSE * TOLERANCE:
-            backward(F, run.solve.work, run.volt)
+            backward(net.factors, run.solve.work, run.volt)
             return True
         take_slopes(program, places, net, run, of)
         if not solve_for_step(1.0, places, net, run, of) > 0:
@@ -167,7 +161,7 @@ def descend(program, places, net, run, of):
         now, scale = np.inf, 1.0
         for _halving in range(HALVINGS):
             for i in range(len(bus)):
-                run.volt[bus[i]] = of.v[i] - scale * of.x[F.cols[bus[i]] - first]
+                run.volt[bus[i]] = of.v[i] - scale * change(bus[i], net, of)
             now = residual(program, places, net, run, of)
             if now < before:
                 break
@@ -181,19 +175,18 @@ def descend(program, places, net, run, of):
 @inline
 def creep(program, places, net, run, of):
     """Implicit Euler steps of v' = -F; returns whether they end where F is zero."""
-    F, bus, pace = net.factors, places.near_bus, 0.3
-    first, before = F.again[0], residual(program, places, net, run, of)
+    pace, before = 0.3, residual(program, places, net, run, of)
     for _ in range(SLOW_STEPS):
         if before < TOLERANCE:
-            backward(F, run.solve.work, run.volt)
+            backward(net.factors, run.solve.work, run.volt)
             return True
         take_slopes(program, places, net, run, of)
         while not 0 < solve_for_step(1 + 1 / pace, places, net, run, of) < LONGEST:
             pace *= 0.5
             if pace < SHORTEST:
                 return False
-        for b in bus:
-            run.volt[b] -= of.x[F.cols[b] - first]
+        for b in places.near_bus:
+            run.volt[b] -= change(b, net, of)
         now = residual(program, places, net, run, of)
         pace = min(max(pace * before / now, 0.05), 1e6)
         before = now
@@ -205,16 +198,31 @@ def solve_for_step(scale, places, net, run, of):
     """Solve (scale S - D) x = S F; returns the largest change of a voltage, 0 if there are no factors."""
     largest = 0.0
     run.notes[NOTE.kept] = 0
-    if not eliminate(of.pattern, scale, of.slopes, of.a, of.b):
+    if not eliminate(of.pattern, scale, of.slopes, of.M):
         return 0.0
     for i in range(len(of.x)):
-        of.x[i] = 0
+        of.x[i, 0] = of.x[i, 1] = 0
     for e in range(len(of.pattern.S)):
-        of.x[of.pattern.row[e]] += of.pattern.S[e] * of.F[of.pattern.col[e]]
-    substitute(of.pattern, of.a, of.b, of.x)
+        more = of.pattern.S[e] * of.F[of.pattern.col[e]]
+        of.x[of.pattern.row[e], 0] += more.real
+        of.x[of.pattern.row[e], 1] += more.imag
+    substitute(of.pattern, of.M, of.x)
     for b in places.near_bus:
-        largest = max(largest, square(of.x[net.factors.cols[b] - net.factors.again[0]]))
+        largest = max(largest, square(change(b, net, of)))
     return np.sqrt(largest)
+
+
+@inline
+def change(b, net, of):
+    """The solution x at a bus."""
+    k = net.factors.cols[b] - net.factors.again[0]
+    return of.x[k, 0] + 1j * of.x[k, 1]
+
+
+@inline
+def square(z):
+    """The square of a magnitude."""
+    return z.real * z.real + z.imag * z.imag
 
 
 @inline
@@ -259,9 +267,4 @@ def take_slopes(program, places, net, run, of):
         perform(of.calls, program.w, program.k, of.s, of.f, net.island)
         for j in range(len(places.draw_bus)):
             re = at + 2 * places.draw_bus[j]
-            di = (of.f[re].imag + 1j * of.f[re + 1].imag) / TINY
-            if k == 0:
-                of.slopes[j, 0] = of.slopes[j, 1] = 0.5 * di
-            else:  # of a step of j, which is a - b times j
-                of.slopes[j, 0] -= 0.5j * di
-                of.slopes[j, 1] += 0.5j * di
+            of.slopes[j, k] = (of.f[re].imag + 1j * of.f[re + 1].imag) / TINY

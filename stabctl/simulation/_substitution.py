@@ -63,15 +63,6 @@ def factor(Y: sp.csc_matrix, iterated: Iterable[int] = ()) -> Factors:
     return Factors(L.data[down], L_row, L_col, U.data[up], U_row, U_col, d[order], *of_buses, *sizes)
 
 
-def matrix(F: Factors) -> sp.csc_matrix:
-    """The matrix of these factors (buses, buses), to rounding."""
-    n = len(F.d)
-    one, shape = sp.identity(n, format="csc"), (n, n)
-    L = sp.csc_matrix((F.L, (F.L_row, F.L_col)), shape=shape) + one
-    U = sp.csc_matrix((F.U, (F.U_row, F.U_col)), shape=shape) + one
-    return (L @ sp.diags(1 / F.d) @ U).tocsr()[F.back].tocsc()[:, F.cols]
-
-
 @inline
 def forward(F, current, work):
     """Forward substitution of the rows that are not iterated: work = inv(L) current, complete for these rows only."""

@@ -11,8 +11,11 @@ from ._substitution import backward, forward, middle
 
 TOLERANCE = 1e-7  # pu   voltage error at which the iteration ends
 LIMIT = 30  # -    iterations
-FEW = 6  # -    more than these are slow
-ROW = 10  # -    solutions in a row that were slow; then Newton's method takes over
+FEW = 6  # -    the same where Newton's method is prepared, which costs about as much
+SLOW = 15  # -    iterations, of so many solutions
+ROW = 10  # -    in a row, after which Newton's method is prepared
+WAIT = 8  # -    solutions by Newton's method before the iteration is tried again; twice as many each time, up to
+LONGEST = 256
 FOUND, LOST, UNPREPARED = range(3)
 
 
@@ -20,7 +23,8 @@ FOUND, LOST, UNPREPARED = range(3)
 def settle(program, places, net, run):
     """Solve Y v = i(v); returns FOUND, LOST, or UNPREPARED if Newton's method has to be prepared.
 
-    Once the fixed-point iteration is slow or fails, Newton's method is used until the end of the run.
+    Where the fixed-point iteration fails, or is slow again and again, Newton's method is used, and from time to time
+    the iteration is tried again.
     """
     for i in range(len(run.current)):
         run.current[i] = 0
@@ -30,27 +34,40 @@ def settle(program, places, net, run):
     forward(factors, run.solve.source, run.solve.work)
     for i in range(factors.again[0], factors.all[0]):
         run.solve.begun[i] = run.solve.work[i]
-    if run.newton[0] != 0:
-        call_bound(run.newton)
-        return FOUND if run.notes[NOTE.found] else LOST
-    if run.notes[NOTE.hard]:
+    prepared = run.newton[0] != 0
+    if prepared and run.notes[NOTE.wait] > 0:
+        run.notes[NOTE.wait] -= 1
+    elif not prepared and run.notes[NOTE.slow] == ROW:
         return UNPREPARED
-    count = iterate(program, places, net, run)
-    run.notes[NOTE.slow] = run.notes[NOTE.slow] + 1 if count > FEW else 0
-    if run.notes[NOTE.slow] == ROW or count == LIMIT:
-        run.notes[NOTE.hard] = 1
-    if count < LIMIT:
-        return FOUND
-    for b in places.near_bus:
-        run.volt[b] = run.solve.before[b]
-    return UNPREPARED
+    else:
+        count = iterate(FEW if prepared else LIMIT, program, places, net, run)
+        run.notes[NOTE.slow] = run.notes[NOTE.slow] + 1 if count > SLOW else 0
+        if count < (FEW if prepared else LIMIT):
+            run.notes[NOTE.next] = 0
+            return FOUND
+        restart(places, net, run)
+        run.notes[NOTE.wait] = max(run.notes[NOTE.next], WAIT)
+        run.notes[NOTE.next] = min(2 * run.notes[NOTE.wait], LONGEST)
+        if not prepared:
+            return UNPREPARED
+    call_bound(run.newton)
+    return FOUND if run.notes[NOTE.found] else LOST
 
 
 @inline
-def iterate(program, places, net, run):
-    """Fixed-point iteration v = inv(Y) i(v); returns the number of iterations, `LIMIT` if it does not end."""
+def restart(places, net, run):
+    """Set the iterated voltages to those of the stage before, and what is substituted for them to the sources."""
+    for b in places.near_bus:
+        run.volt[b] = run.solve.before[b]
+    for i in range(net.factors.again[0], net.factors.all[0]):
+        run.solve.work[i] = run.solve.begun[i]
+
+
+@inline
+def iterate(limit, program, places, net, run):
+    """Fixed-point iteration v = inv(Y) i(v); returns the number of iterations, `limit` if it does not end before."""
     factors, d, b, before = net.factors, places.draw_bus, places.near_bus, 0.0
-    for iteration in range(1, LIMIT):
+    for iteration in range(1, limit):
         for i in range(len(d)):
             run.current[d[i]] = 0
         perform(program.current, program.w, program.k, run.s, run.f, net.island)
@@ -74,4 +91,4 @@ def iterate(program, places, net, run):
             backward(factors, run.solve.work, run.volt)
             return iteration
         before = change
-    return LIMIT
+    return limit

@@ -232,7 +232,7 @@ class Simulation:
     def _enter(self) -> None:
         self._since, self._known = self.time, False
         self._run.solve.moves[:], self._run.late[0], self._run.loop.known[0] = 0, -1.0, 0
-        self._run.notes[NOTE.kept] = 0
+        self._run.notes[NOTE.slow :] = self._run.newton[:] = 0
         self._stage = stage(self.point, self.changes[self._at].switching)
         self._record.enter(self._stage.net)
         self._off[(self._stage.net.island < 0) & np.isinf(self._off)] = self.time
@@ -243,11 +243,6 @@ class Simulation:
         if self._stage.constants:
             k = constants(self.wired, self._stage, self._program.k)
             self._program = self._program._replace(k=k)
-        if self._run.notes[NOTE.hard]:
-            self._prepare_newton()
-
-    def _prepare_newton(self) -> None:
-        self._newton = self.wired.prepare_newton(self._program, self._places, self._stage, self._run)
 
     def _windows(self) -> None:
         """Open and close the windows of time in which controllers act."""
@@ -367,7 +362,7 @@ class Simulation:
             verdict, at = stepper.advance(*of, plan, at, history)
             at = stepper.Cursor(*at)
             if verdict == _judgment.NEWTON:
-                self._prepare_newton()
+                self._newton = self.wired.prepare_newton(self._program, self._places, self._stage, self._run)
         return verdict, at.step
 
 
