@@ -121,10 +121,12 @@ def keep(program, places, net, run, of):
             d = places.draw_bus[j]
             v = run.volt[d]
             work[F.back[d]] -= of.slopes[j, 0] * v.real + of.slopes[j, 1] * v.imag
-        substitute(of.pattern, of.M, work[first:].view(np.float64).reshape(-1, 2))
+        for i in range(len(of.x)):
+            of.x[i, 0], of.x[i, 1] = work[first + i].real, work[first + i].imag
+        substitute(of.pattern, of.M, of.x)
         moved = 0.0
         for b in bus:
-            v = work[F.cols[b]]
+            v = solved(b, net, of)
             size = square(v - run.volt[b])
             if not size <= moved:
                 moved = size
@@ -133,6 +135,8 @@ def keep(program, places, net, run, of):
         if not moved < FAR:
             break
         if moved < END or moved * moved < END * (before - moved):
+            for i in range(len(of.x)):
+                work[first + i] = of.x[i, 0] + 1j * of.x[i, 1]
             backward(F, work, run.volt)
             return True
         if before > 0 and not moved < QUICK * before:
@@ -161,7 +165,7 @@ def descend(program, places, net, run, of):
         now, scale = np.inf, 1.0
         for _halving in range(HALVINGS):
             for i in range(len(bus)):
-                run.volt[bus[i]] = of.v[i] - scale * change(bus[i], net, of)
+                run.volt[bus[i]] = of.v[i] - scale * solved(bus[i], net, of)
             now = residual(program, places, net, run, of)
             if now < before:
                 break
@@ -186,7 +190,7 @@ def creep(program, places, net, run, of):
             if pace < SHORTEST:
                 return False
         for b in places.near_bus:
-            run.volt[b] -= change(b, net, of)
+            run.volt[b] -= solved(b, net, of)
         now = residual(program, places, net, run, of)
         pace = min(max(pace * before / now, 0.05), 1e6)
         before = now
@@ -208,12 +212,12 @@ def solve_for_step(scale, places, net, run, of):
         of.x[of.pattern.row[e], 1] += more.imag
     substitute(of.pattern, of.M, of.x)
     for b in places.near_bus:
-        largest = max(largest, square(change(b, net, of)))
+        largest = max(largest, square(solved(b, net, of)))
     return np.sqrt(largest)
 
 
 @inline
-def change(b, net, of):
+def solved(b, net, of):
     """The solution x at a bus."""
     k = net.factors.cols[b] - net.factors.again[0]
     return of.x[k, 0] + 1j * of.x[k, 1]
