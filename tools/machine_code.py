@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -71,6 +72,9 @@ def studies() -> None:
         st.Controller(("speed:2",), ("vs:2",), -one, one, one, 0 * one, **gated),
     )  # fmt: skip
     runs = [point.simulate(fault, "1.2s", control=law) for law in laws]
+    shares = {"p_power": 1.0, "q_power": 1.0, "p_current": 0.0, "q_current": 0.0}
+    heavy = replace(case, loads=tuple(load._replace(**shares) for load in case.loads))
+    heavy.initialize().simulate(st.Contingency("8", clear="6cyc"), "0.3s")  # needs Newton's method
     stages.stages(runs[0])
     point.modes()
     for estimator in ("kalman", "ideal"):

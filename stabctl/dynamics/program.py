@@ -4,7 +4,7 @@ A call covers consecutive rows of one family. Families are ordered by the signal
 a cycle are split into rows. Only a cycle of rows is an algebraic loop.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from functools import partial
 from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
@@ -38,25 +38,26 @@ class Program(NamedTuple):
     bits: np.ndarray  # (frame) the bit of the rate of each
 
 
-def program(families: Sequence[Family], scalar: type = float) -> Program:
-    """The tables and calls of a system as simulated, for real or complex numbers; addresses are those of this process.
-
-    A complex program has no rates: it serves the voltages, which are solved with derivatives.
-    """
-    tables, sweep = _Tables(families, scalar), _ordered(families)
-    if scalar is complex:
-        sweep = _outputs(sweep)
+def program(families: Sequence[Family]) -> Program:
+    """The tables and calls of a system as simulated; addresses are those of this process."""
+    tables, sweep = _Tables(families, float), _ordered(families)
     frames, steps = _all_of(families, FRAME), _all_of(families, STEP)
     return Program(
         *tables.constants,
         source=tables.calls(_all_of(families, SOURCE)),
-        current=tables.calls([*_read_by_currents(families, sweep), *_all_of(families, CURRENT)]),
+        current=tables.calls(_currents(families, sweep)),
         sweep=tables.calls(sweep),
         step=tables.calls(steps),
         sense=tables.calls(_makers(families, sweep, [*frames, *steps])),
         frame=tables.calls(frames),
         bits=np.array([1 << int(families[i].k[0, -1]) for i, _, _ in frames], np.int64),
     )
+
+
+def complex_currents(families: Sequence[Family]) -> np.ndarray:
+    """The calls of `Program.current` for complex numbers, which give derivatives."""
+    nodes = _currents(families, _outputs(_ordered(families)))
+    return _Tables(families, complex, {i for i, _, _ in nodes}).calls(nodes)
 
 
 def local_program(families: Sequence[Family]) -> Program:
@@ -70,8 +71,7 @@ def local_program(families: Sequence[Family]) -> Program:
 def near(families: Sequence[Family]) -> np.ndarray:
     """Places of the buses and inputs of the devices that are called at every iteration of the voltages."""
     out = [np.zeros(0, np.int64)]
-    draws = _all_of(families, CURRENT)
-    for i, _, rows in [*_read_by_currents(families, _ordered(families) if draws else ()), *draws]:
+    for i, _, rows in _currents(families, _ordered(families) if _all_of(families, CURRENT) else ()):
         _, inputs, _, buses = family.size(families[i])
         columns = [*(family.BUS, family.BUS2)[:buses], *range(INPUTS, INPUTS + inputs)]
         out.append(families[i].w[np.ix_(list(rows), columns)].ravel())
@@ -81,8 +81,9 @@ def near(families: Sequence[Family]) -> np.ndarray:
 class _Tables:
     """The tables of all families, one after the other, and where each begins."""
 
-    def __init__(self, families: Sequence[Family], scalar: type) -> None:
-        self._families, self._address = families, _addresses(families, scalar)
+    def __init__(self, families: Sequence[Family], scalar: type, called: Container[int] | None = None) -> None:
+        used = [len(f.w) > 0 and (called is None or i in called) for i, f in enumerate(families)]
+        self._families, self._address = families, _addresses(families, scalar, used)
         self._w = np.cumsum([0, *(f.w.size for f in families)]).tolist()
         self._k = np.cumsum([0, *(f.k.size for f in families)]).tolist()
         w = np.concatenate([np.zeros(0, np.int64), *(f.w.ravel() for f in families)])
@@ -100,17 +101,18 @@ class _Tables:
         return np.array(out, np.int64).reshape(-1, 5)
 
 
-def _addresses(families: Sequence[Family], scalar: type) -> list[int]:
-    """Addresses of the families' loops, which are compiled if their machine code is not on disk."""
-    new = [f.device.name for f in families if len(f.w) and not _codegen.on_disk(f.name, f.device, scalar)]
+def _addresses(families: Sequence[Family], scalar: type, used: Sequence[bool]) -> list[int]:
+    """Addresses of the loops of the families that are used; they are compiled if their machine code is not on disk."""
+    calls = [f for f, is_used in zip(families, used, strict=True) if is_used]
+    new = [f.device.name for f in calls if not _codegen.on_disk(f.name, f.device, scalar)]
     if new and jit.start("stabctl.simulation.stepper:advance", "stabctl.simulation.prepare"):
         likely = devices.every()["esd"]
         jit.meanwhile += [partial(_codegen.address, "esd", likely, kind) for kind in (complex, float)]
     with jit.compiling(new) as done:
         out = []
-        for f in families:
-            out.append(_codegen.address(f.name, f.device, scalar) if len(f.w) else 0)
-            if f.device.name in new:
+        for f, is_used in zip(families, used, strict=True):
+            out.append(_codegen.address(f.name, f.device, scalar) if is_used else 0)
+            if is_used and f.device.name in new:
                 done()
     return out
 
@@ -174,9 +176,10 @@ def _graph(families: Sequence[Family], nodes: Sequence[Node]) -> dict[int, set[i
     return {n: set(maker[_read(families[i], op, rows)].tolist()) - {-1} for n, (i, op, rows) in enumerate(nodes)}
 
 
-def _read_by_currents(families: Sequence[Family], sweep: Sequence[Node]) -> list[Node]:
-    """The part of `sweep` whose outputs the currents read: they are made anew at every iteration of the voltages."""
-    return _makers(families, sweep, _all_of(families, CURRENT))
+def _currents(families: Sequence[Family], sweep: Sequence[Node]) -> list[Node]:
+    """The currents, and the part of `sweep` whose outputs they read: made anew at every iteration of the voltages."""
+    draws = _all_of(families, CURRENT)
+    return [*_makers(families, sweep, draws), *draws]
 
 
 def _makers(families: Sequence[Family], sweep: Sequence[Node], readers: Iterable[Node]) -> list[Node]:

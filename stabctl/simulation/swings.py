@@ -114,11 +114,11 @@ def judged(
     on = np.flatnonzero(island >= 0)
     if len(on) < 2 or not limit:
         return None
-    moved = angle[:, on]
-    for k in np.unique(island[on]):
-        mine = island[on] == k
-        moved[:, mine] -= (moved[:, mine] @ inertia[on][mine] / inertia[on][mine].sum())[:, None]
-    last, before = np.ptp(moved[middle:], axis=0), np.ptp(moved[: middle + 1], axis=0)
+    moved, H, island = angle[:, on], inertia[on], island[on]
+    for k in np.unique(island):
+        mine = slice(None) if (island == k).all() else island == k  # all: without a copy
+        moved[:, mine] -= (moved[:, mine] @ H[mine] / H[mine].sum())[:, None]
+    last, before = (half.max(axis=0) - half.min(axis=0) for half in (moved[middle:], moved[: middle + 1]))
     ratio = np.where(last >= SHARE * last.max(), last / np.maximum(before, 1e-12), 0.0)
     one = int(ratio.argmax())
     of_one = float(last[one]), float(before[one])

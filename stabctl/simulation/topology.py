@@ -57,12 +57,15 @@ def stage(point: OperatingPoint, switching: Switching) -> Stage:
 
 
 def _stage(point: OperatingPoint, switching: Switching) -> Stage:
-    where, bus = network.islands(point.net, switching), point.system.unit_bus
+    closed = all(state.from_closed and state.to_closed for _, state in switching.branches)
+    where, bus = point.island if closed else network.islands(point.net, switching), point.system.unit_bus
     on = np.array([i not in switching.tripped for i in range(len(bus))])
     alive = np.isin(where, where[np.r_[bus[on & point.system.forming], _held(point)]])
     island = np.where(on & alive[bus], where[bus], -1).astype(np.int64)
     loads, added = _stepped(point, switching)
-    Y = point.admittance(switching) + sp.diags(added, format="csc")
+    Y = point.admittance(switching)
+    if added.any():
+        Y = Y + sp.diags(added, format="csc")
     if not alive.all():
         keep, gone = sp.diags(alive.astype(float)), sp.diags((~alive).astype(float))
         Y = (keep @ Y @ keep + gone).tocsc()

@@ -17,7 +17,7 @@ from stabctl.dynamics import storage
 from stabctl.dynamics.family import Family
 from stabctl.dynamics.layout import Layout
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.program import Program, program
+from stabctl.dynamics.program import Program, complex_currents, program
 from stabctl.dynamics.rows import NO_UNIT
 from stabctl.model.case import Case
 
@@ -47,7 +47,7 @@ class Wired:
         The calls for complex numbers are kept with the system.
         """
         if "newton" not in self.kept:
-            self.kept["newton"] = program(self.families, complex).current
+            self.kept["newton"] = complex_currents(self.families)
         own = space(self.kept["newton"], network.pattern, places, run)
         call = newton.bound(p, places, network.net, run, own)
         run.newton[:] = call.address, call.words

@@ -14,7 +14,7 @@ import numpy as np
 
 import stabctl as st
 from stabctl.dynamics.perform import perform
-from stabctl.dynamics.program import program
+from stabctl.dynamics.program import complex_currents
 from stabctl.model.network import UNSWITCHED
 from stabctl.simulation import _buffers, _newton, _voltages, method, stepper
 from stabctl.simulation._buffers import NOTE, buffers
@@ -130,7 +130,7 @@ def _weakened(point: Any, scale: float, V: np.ndarray) -> tuple[Any, ...]:
     forward(network.net.factors, run.solve.source, run.solve.work)
     run.solve.begun[:] = run.solve.work
     run.volt[:] = run.solve.before[:] = V
-    calls = program(system.families, complex).current
+    calls = complex_currents(system.families)
     return p, system.places, network.net, run, _newton.space(calls, network.pattern, system.places, run)
 
 
