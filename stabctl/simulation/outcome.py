@@ -7,14 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl import devices
+from stabctl._util.errors import StudyError
 from stabctl._util.wording import enumerated, listed
 from stabctl.dynamics import family
 from stabctl.dynamics.assembly import Angle
+from stabctl.dynamics.layout import Layout
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.model import naming
 from stabctl.model.network import Switching
 
 from . import _judgment
+from ._buffers import Part
 from .criterion import Criterion, frequency_range
 from .recording import Extremes
 from .swings import Swings
@@ -150,6 +153,18 @@ def _critical(point: OperatingPoint, end: End) -> tuple[int | str | None, str]:
 def _unweighted(point: OperatingPoint, end: End) -> Angle | None:
     """The critical angle, if it has no weight in a center of inertia."""
     return point.system.unweighted.rows[end.machine] if end.verdict == _judgment.UNLOCKED else None
+
+
+def check_numbers(layout: Layout, s: np.ndarray, part: Part, t: float) -> None:
+    """Raise `StudyError` if states in s have no finite values, for those that were the first in the last step."""
+    rates, states = (~np.isfinite(values[: layout.nx]) for values in (part.rate, s))
+    if states.any():
+        first = rates if np.isfinite(part.x).all() and rates.any() else states
+        names = tuple(dict.fromkeys(layout.states[i].label for i in np.flatnonzero(first)))
+        raise StudyError(
+            f"Without a finite value at {t:.3f} s: {listed(names)}; check the equations of the device for a division by "
+            "zero."
+        )
 
 
 def _cut_off(point: OperatingPoint, now: Stage) -> str:

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from stabctl._util.errors import StudyError
-from stabctl._util.wording import listed
 from stabctl.controllers import Law
 from stabctl.controllers.controller import Controller
 from stabctl.dynamics.operating_point import OperatingPoint
@@ -20,7 +19,7 @@ from .attached import attached
 from .contingency import Disturbance, timed_events
 from .control import Control, Frames, Pilot, acting, carry
 from .criterion import DEFAULT, Criterion, frequency_range, numbers, with_frequency
-from .outcome import ControlLoop, End, Outcome, outcome, stalled
+from .outcome import ControlLoop, End, Outcome, check_numbers, outcome, stalled
 from .recording import Recorded, Recording
 from .stages import constants
 from .swings import Swings
@@ -269,20 +268,8 @@ class Simulation:
             if self.progress:
                 self.progress(self.time)
 
-    def _check_numbers(self) -> None:
-        """Raise `StudyError` if states have no finite values, for those that were the first in the last step."""
-        layout, part = self.point.system.layout, self._run.part
-        rates, states = (~np.isfinite(values[: layout.nx]) for values in (part.rate, self._run.s))
-        if states.any():
-            first = rates if np.isfinite(part.x).all() and rates.any() else states
-            names = tuple(dict.fromkeys(layout.states[i].label for i in np.flatnonzero(first)))
-            raise StudyError(
-                f"Without a finite value at {self.time:.3f} s: {listed(names)}; check the equations of the device for "
-                "a division by zero."
-            )
-
     def _end(self, verdict: int) -> Outcome:
-        self._check_numbers()
+        check_numbers(self.point.layout, self._run.s, self._run.part, self.time)
         self._verdict = verdict
         instant = self.time - (float(self._run.late[0]) if verdict in TIMED else 0.0)
         bus, rotor = int(self._run.notes[NOTE.bus]), int(self._run.notes[NOTE.rotor])
