@@ -124,8 +124,6 @@ def _show(result: "Trajectory", as_json: bool, written: list[Path], said: str) -
     table.add_row("", end.message)
     table.add_row("largest change of angle from the COI", f"{result.max_angle_from_coi_deg:.1f} degrees")
     table.add_row("simulated", f"{result.steps} steps in {result.wall_s:.3f} s")
-    if result.newton_stages:
-        table.add_row("Newton's method", f"for the voltages at {result.newton_stages} stages of the steps")
     if result.step < steps.STEP / 4:
         table.add_row("short time step", f"{1e3 * result.step:.3g} ms{steps.forced_by(result.point)}")
     for path in written:

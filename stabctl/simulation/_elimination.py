@@ -13,7 +13,7 @@ rows. The order is that of Y. Pivots are not chosen, so whoever uses these facto
 Y. All operations are in flat lists, which are made once for a network.
 """
 
-from collections.abc import Iterator
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -48,38 +48,43 @@ def pattern(F: Factors, draw_bus: np.ndarray) -> Pattern:
     upper = F.U[: F.again[2]], (F.U_row[: F.again[2]] - first, F.U_col[: F.again[2]] - first)
     L, U = (sp.csc_matrix(entries, shape=(n, n)) + sp.identity(n) for entries in (lower, upper))
     S = (L @ sp.diags(1 / F.d[first:]) @ U).tocoo()
-    slopes = list(zip(F.back[draw_bus] - first, F.cols[draw_bus] - first, strict=True))
     values = {(int(i), int(j)): x for i, j, x in zip(S.row, S.col, S.data, strict=True)}
-    below: list[set[int]] = [set() for _ in range(n)]
-    right: list[set[int]] = [set() for _ in range(n)]
+    slopes = [(int(i), int(j)) for i, j in zip(F.back[draw_bus] - first, F.cols[draw_bus] - first, strict=True)]
+    below: list[set[int]] = [set() for _ in range(n)]  # rows of L in each column
+    right: list[set[int]] = [set() for _ in range(n)]  # columns of U in each row
+    made: list[tuple[tuple[int, int], ...]] = []
     for i, j in (*values, *slopes):
-        (below[j] if i > j else right[i]).add(max(int(i), int(j)))
+        _add(i, j, below, right)
     for k in range(n):
-        right[k].discard(k)
-        for i, j in _products(below[k], right[k]):
-            if i != j:
-                (below[j] if i > j else right[i]).add(max(i, j))
+        for i, j in product(sorted(below[k]), sorted(right[k])):
+            made.append(((i, j), (i, k), (k, j)))
+            _add(i, j, below, right)
     entries = [(k, k) for k in range(n)]
     entries += [(i, k) for k in range(n) for i in sorted(below[k])]
     entries += [(k, j) for k in range(n) for j in sorted(right[k])]
     place = {entry: e for e, entry in enumerate(entries)}
-    operations = [
-        (place[i, j], place[i, k], place[k, j])
-        for k in range(n)
-        for i, j in _products(sorted(below[k]), sorted(right[k]))
-    ]
-    count = [np.cumsum([0, *map(len, of)]) for of in (below, right)]
-    lists = [*np.array(entries, np.uint32).reshape(-1, 2).T, n + count[0], n + count[0][-1] + count[1]]
-    lists += [np.cumsum([0, *(len(b) * len(r) for b, r in zip(below, right, strict=True))])]
-    lists += [*np.array(operations, np.uint32).reshape(-1, 3).T, [place[int(i), int(j)] for i, j in slopes]]
-    S_of = np.array([values.get(entry, 0.0) for entry in entries], complex)
-    return Pattern(S_of, *(np.ascontiguousarray(one, np.uint32) for one in lists))
+    of_L = np.cumsum([n, *map(len, below)])
+    of_U = np.cumsum([of_L[-1], *map(len, right)])
+    lists = (
+        *np.array(entries).reshape(-1, 2).T,
+        of_L,
+        of_U,
+        np.cumsum([0, *(np.diff(of_L) * np.diff(of_U))]),
+        *np.array([[place[entry] for entry in three] for three in made]).reshape(-1, 3).T,
+        [place[entry] for entry in slopes],
+    )
+    return Pattern(
+        np.array([values.get(entry, 0.0) for entry in entries], complex),
+        *(np.ascontiguousarray(one, np.uint32) for one in lists),
+    )
 
 
-def _products(
-    below: "Iterator[int] | set[int] | list[int]", right: "set[int] | list[int]"
-) -> Iterator[tuple[int, int]]:
-    return ((i, j) for i in below for j in right)
+def _add(i: int, j: int, below: list[set[int]], right: list[set[int]]) -> None:
+    """Add an entry beside the diagonal."""
+    if i > j:
+        below[j].add(i)
+    elif i < j:
+        right[i].add(j)
 
 
 @noinline
@@ -101,13 +106,13 @@ def eliminate(of, scale, slopes, M):
             return False
         M[k, 0], M[k, 1], M[k, 2], M[k, 3] = M[k, 3] / det, -M[k, 1] / det, -M[k, 2] / det, M[k, 0] / det
         for e in range(of.L[k], of.L[k + 1]):
-            store(M, e, product(M, e, k))
+            store(M, e, after(M, e, k))
         for o in range(of.operations[k], of.operations[k + 1]):
-            t, more = of.target[o], product(M, of.left[o], of.right[o])
+            t, more = of.target[o], after(M, of.left[o], of.right[o])
             for i in range(4):
                 M[t, i] -= more[i]
     for e in range(of.U[0], of.U[n]):
-        store(M, e, product(M, of.row[e], e))
+        store(M, e, after(M, of.row[e], e))
     return True
 
 
@@ -118,7 +123,7 @@ def image(M, e, re, im):
 
 
 @inline
-def product(M, e, g):
+def after(M, e, g):
     """Entry e after entry g."""
     p, q = image(M, e, M[g, 0], M[g, 1]), image(M, e, M[g, 2], M[g, 3])
     return p[0], p[1], q[0], q[1]

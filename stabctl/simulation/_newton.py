@@ -82,7 +82,7 @@ def newton(program, places, net, run, of):
     """
     run.notes[NOTE.newton] += 1
     run.notes[NOTE.found] = 1
-    if keep(program, places, net, run, of) or iterate(LIMIT, program, places, net, run) < LIMIT:
+    if keep(program, places, net, run, of) or iterate(LIMIT, TOLERANCE, program, places, net, run) < LIMIT:
         return
     for start in range(4):
         begin(start, places, net, run, of)

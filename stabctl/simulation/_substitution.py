@@ -42,32 +42,25 @@ class Factors(NamedTuple):
 def factor(Y: sp.csc_matrix, iterated: Iterable[int] = ()) -> Factors:
     """Factors of an admittance matrix, and the part of them that each iteration at some buses repeats."""
     lu = spl.splu(Y.tocsc(), **OPTIONS)
-    d, (L, L_row, L_col), (U, U_row, U_col) = 1 / lu.U.diagonal(), _entries(lu.L), _entries(lu.U)
-    below, above = L_row > L_col, U_row < U_col
-    L, L_row, L_col = L[below], L_row[below], L_col[below]
-    U, U_row, U_col = (d[U_row] * U)[above], U_row[above], U_col[above]
+    d = 1 / lu.U.diagonal()
+    L, U = sp.tril(lu.L, -1).tocoo(), sp.triu(sp.diags(d) @ lu.U, 1).tocoo()
     buses = np.array(list(iterated), int)
     last, level = np.zeros(len(d), int), [0] * len(d)
     last[lu.perm_r[buses]] = last[lu.perm_c[buses]] = 1
-    pairs = np.r_[np.c_[L_col, L_row], np.c_[U_row, U_col]]
+    pairs = np.r_[np.c_[L.col, L.row], np.c_[U.row, U.col]]
     for before, after in pairs[np.argsort(pairs[:, 0], kind="stable")].tolist():
         last[after] |= last[before]
         level[after] = max(level[after], level[before] + 1)
     order = np.lexsort((np.array(level), last))
     place = np.argsort(order)
-    down = np.lexsort((place[L_row], place[L_col]))
-    up = np.lexsort((place[U_row], -place[U_col], -last[U_row]))
-    again = len(d) - last.sum(), len(L) - last[L_col].sum(), last[U_row].sum()
+    down = np.lexsort((place[L.row], place[L.col]))
+    up = np.lexsort((place[U.row], -place[U.col], -last[U.row]))
+    again = len(d) - last.sum(), len(L.data) - last[L.col].sum(), last[U.row].sum()
     rows, columns = place[lu.perm_r], place[lu.perm_c]
-    places = place[L_row[down]], place[L_col[down]], place[U_row[up]], place[U_col[up]], np.argsort(rows), columns, rows
+    places = place[L.row[down]], place[L.col[down]], place[U.row[up]], place[U.col[up]], np.argsort(rows), columns, rows
     L_row, L_col, U_row, U_col, *of_buses = (np.ascontiguousarray(one, np.uint32) for one in places)
-    sizes = (np.array(one, np.uintp) for one in (again, (len(d), len(L), len(U))))
-    return Factors(L[down], L_row, L_col, U[up], U_row, U_col, d[order], *of_buses, *sizes)
-
-
-def _entries(A: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Values, rows and columns of the entries."""
-    return A.data, A.indices, np.repeat(np.arange(A.shape[1]), np.diff(A.indptr))
+    sizes = (np.array(one, np.uintp) for one in (again, (len(d), len(L.data), len(U.data))))
+    return Factors(L.data[down], L_row, L_col, U.data[up], U_row, U_col, d[order], *of_buses, *sizes)
 
 
 @inline

@@ -10,8 +10,9 @@ from ._buffers import NOTE
 from ._substitution import backward, forward, middle
 
 TOLERANCE = 1e-7  # pu   voltage error at which the iteration ends
+CLOSE = 1e-9  # pu   the same where Newton's method is prepared
 LIMIT = 30  # -    iterations
-FEW = 6  # -    the same where Newton's method is prepared, which costs about as much
+FEW = 10  # -    iterations where Newton's method is prepared, which costs about as much
 SLOW = 15  # -    iterations, of so many solutions
 ROW = 10  # -    in a row, after which Newton's method is prepared
 WAIT = 8  # -    solutions by Newton's method before the iteration is tried again; twice as many each time, up to
@@ -40,7 +41,7 @@ def settle(program, places, net, run):
     elif not prepared and run.notes[NOTE.slow] == ROW:
         return UNPREPARED
     else:
-        count = iterate(FEW if prepared else LIMIT, program, places, net, run)
+        count = iterate(FEW if prepared else LIMIT, CLOSE if prepared else TOLERANCE, program, places, net, run)
         run.notes[NOTE.slow] = run.notes[NOTE.slow] + 1 if count > SLOW else 0
         if count < (FEW if prepared else LIMIT):
             run.notes[NOTE.next] = 0
@@ -64,7 +65,7 @@ def restart(places, net, run):
 
 
 @inline
-def iterate(limit, program, places, net, run):
+def iterate(limit, tolerance, program, places, net, run):
     """Fixed-point iteration v = inv(Y) i(v); returns the number of iterations, `limit` if it does not end before."""
     factors, d, b, before = net.factors, places.draw_bus, places.near_bus, 0.0
     for iteration in range(1, limit):
@@ -87,7 +88,7 @@ def iterate(limit, program, places, net, run):
             run.volt[b[i]] = v
         # the changes fall like a geometric series; its remainder is the error
         change = np.sqrt(change)
-        if change < TOLERANCE or change * change < TOLERANCE * (before - change):
+        if change < tolerance or change * change < tolerance * (before - change):
             backward(factors, run.solve.work, run.volt)
             return iteration
         before = change

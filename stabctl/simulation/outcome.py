@@ -162,8 +162,8 @@ def check_numbers(layout: Layout, s: np.ndarray, part: Part, t: float) -> None:
         first = rates if np.isfinite(part.x).all() and rates.any() else states
         names = tuple(dict.fromkeys(layout.states[i].label for i in np.flatnonzero(first)))
         raise StudyError(
-            f"Without a finite value at {t:.3f} s: {listed(names)}; check the equations of the device for a division by "
-            "zero."
+            f"Without a finite value at {t:.3f} s: {listed(names)}; check the equations of the device for a division "
+            "by zero."
         )
 
 

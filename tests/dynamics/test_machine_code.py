@@ -34,11 +34,11 @@ def names():
     from stabctl.controllers import BangBang, Feedback, hold
     from stabctl.devices import of
     from stabctl.dynamics import _codegen, adder, perform
-    from stabctl.simulation import stepper
+    from stabctl.simulation import _newton, stepper
 
     laws = {"hold": of(hold), "bang_bang": BangBang().device, "feedback": Feedback().device}
     modules = {**devices.every(), **laws, "adder": of(adder)}
-    entries = stepper.advance, perform.evaluate
+    entries = stepper.advance, _newton.newton, perform.evaluate
     return {
         name: [_codegen._module(name, device, scalar).__module__ for scalar in (float, complex)]
         for name, device in modules.items()
@@ -55,8 +55,8 @@ for file, (old, new) in json.load(sys.stdin).items():
     path.write_text(before)
 print(json.dumps(found))
 """
-ENTRIES = {"advance", "evaluate"}
-STEPPER = {"advance"}
+ENTRIES = {"advance", "newton", "evaluate"}
+STEPPER = {"advance", "newton"}
 EDITS = {
     "devices/machines/genrou.py": {"genrou", "genroe"},
     "devices/stabilizers/pss.py": {"pss"},
@@ -66,10 +66,10 @@ EDITS = {
     "controllers/hold.py": {"hold"},
     "dynamics/adder.py": {"adder"},
     "dynamics/perform.py": ENTRIES,
-    "simulation/stepper.py": STEPPER,
+    "simulation/stepper.py": {"advance"},
     "simulation/_voltages.py": STEPPER,
-    "simulation/_newton.py": STEPPER,
-    "simulation/_elimination.py": STEPPER,
+    "simulation/_newton.py": {"newton"},
+    "simulation/_elimination.py": {"newton"},
     "simulation/_substitution.py": STEPPER,
     "model/powerflow.py": set(),
     "dynamics/newton.py": set(),
