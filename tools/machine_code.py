@@ -74,7 +74,7 @@ def studies() -> None:
     runs = [point.simulate(fault, "1.2s", control=law) for law in laws]
     shares = {"p_power": 1.0, "q_power": 1.0, "p_current": 0.0, "q_current": 0.0}
     heavy = replace(case, loads=tuple(load._replace(**shares) for load in case.loads))
-    heavy.initialize().simulate(st.Contingency("8", clear="6cyc"), "0.3s")  # needs Newton's method
+    heavy.initialize().simulate(st.Contingency("8", clear="6cyc", at=0.1), "0.4s")  # needs Newton's method
     stages.stages(runs[0])
     point.modes()
     for estimator in ("kalman", "ideal"):
