@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
+from systems import with_shares
+
 import stabctl as st
 from stabctl.devices.loads import cim
 from stabctl.model import powerflow
@@ -12,12 +14,11 @@ from stabctl.model.tables import Load
 
 MOTOR = cim.Par(*(0,) * 10, 0.01, 0.09, 4.2, 0.035, 0.09, H=1.5, Pmult=1.5)
 AWAY = 32, 34, 36, 38  # buses of `ieee39` whose machines become injections
-SHARES = {"p_power": 1.0, "q_power": 1.0, "p_current": 0.0, "q_current": 0.0}
 
 
 def constant_power(case: Case) -> Case:
     """Loads of constant power above their thresholds."""
-    return replace(case, loads=tuple(load._replace(**SHARES) for load in case.loads))
+    return with_shares(case, p_power=1.0, q_power=1.0, p_current=0.0, q_current=0.0)
 
 
 def mixed(copies: int = 1) -> Case:

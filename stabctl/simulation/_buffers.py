@@ -30,7 +30,7 @@ class Note(NamedTuple):
     wait: int = 7  # solutions by Newton's method until it is tried again
     next: int = 8  # how many these will be at the next time, 0: `WAIT`
     found: int = 9  # whether Newton's method found them
-    kept: int = 10  # 1: its factors are those of an earlier instant; -1: it starts far from the present voltages
+    kept: int = 10  # 1: its factors are those of an earlier instant; below 0: not to be used, see `_voltages`
 
 
 NOTE = Note()  # a record: its file is then part of the key of machine code on disk; that of a mere number is not

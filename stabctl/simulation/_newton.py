@@ -26,7 +26,7 @@ from stabctl.dynamics.perform import perform
 from ._buffers import NOTE
 from ._elimination import Pattern, eliminate, substitute
 from ._substitution import backward, forward, middle, solve_apart
-from ._voltages import LIMIT, iterate, restart
+from ._voltages import AWAY, CLOSE, FAILED, LIMIT, TOLERANCE, draw, iterate, square
 
 if TYPE_CHECKING:
     from ._buffers import Run
@@ -36,8 +36,6 @@ END = 1e-10  # pu   voltage error at which `keep` ends
 QUICK = 0.1  # of a change, at most left of it in the next one while slopes are kept
 RENEWALS = 8  # of the slopes, at one instant
 FAR = 0.05  # pu   a change of a voltage that is too large for `keep`
-TOLERANCE = 1e-7  # pu   residual at which `creep` ends
-CLOSE = 1e-2  # of it, at which `descend` ends
 STEPS = 40  # -    of `descend`
 SLOW_STEPS = 400  # -    of `creep`
 HALVINGS = 12  # -    of a step
@@ -56,7 +54,7 @@ class Newton(NamedTuple):
     pattern: Pattern
     slopes: np.ndarray  # (drawing buses, 2), complex, pu   of the currents by Re v and by Im v
     M: np.ndarray  # (entries, 4)   factors of S - D
-    v: np.ndarray  # (iterated buses), complex, pu   voltages from which a step is made
+    v: np.ndarray  # (iterated buses), complex, pu   voltages from which the iteration, or a step, begins
     F: np.ndarray  # (iterated rows), complex, pu   residual
     x: np.ndarray  # (iterated rows, 2), pu   right-hand side, and solution, real and imaginary part
     open: np.ndarray  # (nb), complex, pu   voltages without voltage-dependent currents
@@ -82,7 +80,11 @@ def newton(program, places, net, run, of):
     """
     run.notes[NOTE.newton] += 1
     run.notes[NOTE.found] = 1
-    if keep(program, places, net, run, of) or iterate(LIMIT, TOLERANCE, program, places, net, run) < LIMIT:
+    kept = run.notes[NOTE.kept]
+    if kept > AWAY and keep(program, places, net, run, of):
+        return
+    run.notes[NOTE.kept] = 0
+    if kept > FAILED and iterate(TOLERANCE, program, places, net, run) < LIMIT:
         return
     for start in range(4):
         begin(start, places, net, run, of)
@@ -104,10 +106,12 @@ def begin(start, places, net, run, of):
 
 @inline
 def keep(program, places, net, run, of):
-    """Iterate with slopes kept from one instant to the next; returns whether it ended."""
+    """Iterate with slopes kept from one instant to the next; returns whether it ended, if not with v unchanged."""
     F, work, bus = net.factors, run.solve.work, places.near_bus
     first, before, renewals = F.again[0], 0.0, 0
-    while run.notes[NOTE.kept] >= 0:
+    for i in range(len(bus)):
+        of.v[i] = run.volt[bus[i]]
+    while True:
         if run.notes[NOTE.kept] == 0:
             if renewals == RENEWALS:
                 break
@@ -144,8 +148,8 @@ def keep(program, places, net, run, of):
             if not moved < before:
                 break
         before = moved
-    run.notes[NOTE.kept] = 0
-    restart(places, net, run)
+    for i in range(len(bus)):
+        run.volt[bus[i]] = of.v[i]
     return False
 
 
@@ -154,7 +158,7 @@ def descend(program, places, net, run, of):
     """Newton steps, halved until the residual falls; returns whether it ends at zero."""
     bus, before = places.near_bus, residual(program, places, net, run, of)
     for _ in range(STEPS):
-        if before < CLOSE * TOLERANCE:
+        if before < CLOSE:
             backward(net.factors, run.solve.work, run.volt)
             return True
         take_slopes(program, places, net, run, of)
@@ -221,25 +225,6 @@ def solved(b, net, of):
     """The solution x at a bus."""
     k = net.factors.cols[b] - net.factors.again[0]
     return of.x[k, 0] + 1j * of.x[k, 1]
-
-
-@inline
-def square(z):
-    """The square of a magnitude."""
-    return z.real * z.real + z.imag * z.imag
-
-
-@inline
-def draw(program, places, net, run):
-    """Voltage-dependent currents at the present voltages, added to the sources in the iterated rows."""
-    F, work = net.factors, run.solve.work
-    for d in places.draw_bus:
-        run.current[d] = 0
-    perform(program.current, program.w, program.k, run.s, run.f, net.island)
-    for i in range(F.again[0], F.all[0]):
-        work[i] = run.solve.begun[i]
-    for d in places.draw_bus:
-        work[F.back[d]] += run.current[d]
 
 
 @inline

@@ -12,12 +12,13 @@ from ._substitution import backward, forward, middle
 TOLERANCE = 1e-7  # pu   voltage error at which the iteration ends
 CLOSE = 1e-9  # pu   the same where Newton's method is prepared
 LIMIT = 30  # -    iterations
-FEW = 10  # -    iterations where Newton's method is prepared, which costs about as much
+FEW = 10  # -    iterations that cost about as much as Newton's method
 SLOW = 15  # -    iterations, of so many solutions
 ROW = 10  # -    in a row, after which Newton's method is prepared
 WAIT = 8  # -    solutions by Newton's method before the iteration is tried again; twice as many each time, up to
-LONGEST = 256
+MOST = 256
 FOUND, LOST, UNPREPARED = range(3)
+AWAY, FAILED = -1, -2  # of `NOTE.kept`
 
 
 @inline
@@ -41,14 +42,18 @@ def settle(program, places, net, run):
     elif not prepared and run.notes[NOTE.slow] == ROW:
         return UNPREPARED
     else:
-        count = iterate(FEW if prepared else LIMIT, CLOSE if prepared else TOLERANCE, program, places, net, run)
+        count = iterate(CLOSE if prepared else TOLERANCE, program, places, net, run)
         run.notes[NOTE.slow] = run.notes[NOTE.slow] + 1 if count > SLOW else 0
-        if count < (FEW if prepared else LIMIT):
+        if count == LIMIT or (prepared and count > FEW):
+            run.notes[NOTE.wait] = max(run.notes[NOTE.next], WAIT)
+            run.notes[NOTE.next] = min(2 * run.notes[NOTE.wait], MOST)
+        else:
             run.notes[NOTE.next] = 0
+        if count < LIMIT:
             return FOUND
-        restart(places, net, run)
-        run.notes[NOTE.wait] = max(run.notes[NOTE.next], WAIT)
-        run.notes[NOTE.next] = min(2 * run.notes[NOTE.wait], LONGEST)
+        for b in places.near_bus:
+            run.volt[b] = run.solve.before[b]
+        run.notes[NOTE.kept] = FAILED
         if not prepared:
             return UNPREPARED
     call_bound(run.newton)
@@ -56,40 +61,42 @@ def settle(program, places, net, run):
 
 
 @inline
-def restart(places, net, run):
-    """Set the iterated voltages to those of the stage before, and what is substituted for them to the sources."""
-    for b in places.near_bus:
-        run.volt[b] = run.solve.before[b]
-    for i in range(net.factors.again[0], net.factors.all[0]):
-        run.solve.work[i] = run.solve.begun[i]
-
-
-@inline
-def iterate(limit, tolerance, program, places, net, run):
-    """Fixed-point iteration v = inv(Y) i(v); returns the number of iterations, `limit` if it does not end before."""
-    factors, d, b, before = net.factors, places.draw_bus, places.near_bus, 0.0
-    for iteration in range(1, limit):
-        for i in range(len(d)):
-            run.current[d[i]] = 0
-        perform(program.current, program.w, program.k, run.s, run.f, net.island)
-        if iteration > 1:
-            for i in range(factors.again[0], factors.all[0]):
-                run.solve.work[i] = run.solve.begun[i]
-        for i in range(len(d)):
-            run.solve.work[factors.back[d[i]]] += run.current[d[i]]
-        middle(factors, run.solve.work)
+def iterate(tolerance, program, places, net, run):
+    """Fixed-point iteration v = inv(Y) i(v); returns the number of iterations, `LIMIT` if it does not end before."""
+    factors, work, before = net.factors, run.solve.work, 0.0
+    for iteration in range(1, LIMIT):
+        draw(program, places, net, run)
+        middle(factors, work)
         change = 0.0
-        for i in range(len(b)):
-            v = run.solve.work[factors.cols[b[i]]]
-            miss = v - run.volt[b[i]]
-            size = miss.real * miss.real + miss.imag * miss.imag
+        for b in places.near_bus:
+            v = work[factors.cols[b]]
+            size = square(v - run.volt[b])
             if not size <= change:
                 change = size
-            run.volt[b[i]] = v
+            run.volt[b] = v
         # the changes fall like a geometric series; its remainder is the error
         change = np.sqrt(change)
         if change < tolerance or change * change < tolerance * (before - change):
-            backward(factors, run.solve.work, run.volt)
+            backward(factors, work, run.volt)
             return iteration
         before = change
-    return limit
+    return LIMIT
+
+
+@inline
+def draw(program, places, net, run):
+    """Voltage-dependent currents at the present voltages, added to the sources in the iterated rows."""
+    F, work = net.factors, run.solve.work
+    for d in places.draw_bus:
+        run.current[d] = 0
+    perform(program.current, program.w, program.k, run.s, run.f, net.island)
+    for i in range(F.again[0], F.all[0]):
+        work[i] = run.solve.begun[i]
+    for d in places.draw_bus:
+        work[F.back[d]] += run.current[d]
+
+
+@inline
+def square(z):
+    """The square of a magnitude."""
+    return z.real * z.real + z.imag * z.imag

@@ -30,7 +30,7 @@ from ._buffers import NOTE
 from ._judgment import DONE, NEWTON, NO_VOLTAGE, count_reversals, judge, measure_excess
 from ._substitution import solve_apart
 from ._switching import close, decide, first_jump, jump, jumped, rates
-from ._voltages import FOUND, LOST, UNPREPARED, settle
+from ._voltages import AWAY, FOUND, LOST, UNPREPARED, settle
 from .method import RK4, STAGES, advance_states, clip_at_limits, freeze_disconnected, hold_at_limits
 
 MOST = 4  # jumps found in one step; what switches later in it does so at its end
@@ -56,13 +56,13 @@ class Cursor(NamedTuple):
     row: int  # of `Places.limited`: the device that fills or empties at the end of this part, -1: none
     parts: int  # into which the step is divided so far
     decided: bool  # frames, gates and laws that are due at the start have acted
-    predicted: bool  # the voltages at this stage are predicted
-    solved: bool  # they are known
+    volts: int  # those at this stage: UNKNOWN, PREDICTED, SOLVED
 
 
 NO_ROWS = np.empty((0, 0))
 NOTHING = Plan(np.empty(0), np.empty(0, np.int64), False)
-START = Cursor(0, 0, 0.0, 1.0, -1, 1, False, False, False)
+UNKNOWN, PREDICTED, SOLVED = range(3)
+START = Cursor(0, 0, 0.0, 1.0, -1, 1, False, UNKNOWN)
 
 
 @entry
@@ -73,7 +73,7 @@ def advance(program, places, net, run, rules, plan, at, history):
     kept. The verdict NEWTON asks the caller to prepare Newton's method and to call again with the cursor.
     """
     steps, may_jump = len(plan.sizes), places.relay or places.abrupt or len(places.stops) > 0
-    if not at.solved:
+    if at.volts != SOLVED:
         clear_dead_buses(net, run)
     while at.step < steps + plan.last:
         h = plan.sizes[at.step] if at.step < steps else 0.0
@@ -83,14 +83,14 @@ def advance(program, places, net, run, rules, plan, at, history):
         # With relays, the voltages at the end of a whole step are solved for too: they tell whether one has switched.
         stages = STAGES + 1 if places.relay and at.end == 1 else STAGES
         for stage in range(at.stage, stages):
-            if not (at.solved or at.predicted):
+            if at.volts == UNKNOWN:
                 predict(stage, undivided, span, program, places, net, run)
             while True:
-                found = FOUND if at.solved else settle(program, places, net, run)
+                found = FOUND if at.volts == SOLVED else settle(program, places, net, run)
                 if found != FOUND:
-                    return NO_VOLTAGE if found == LOST else NEWTON, at_stage(stage, at.decided, True, False, at)
+                    return NO_VOLTAGE if found == LOST else NEWTON, at_stage(stage, at.decided, PREDICTED, at)
                 changed = not at.decided and start(due, span, program, places, net, run)
-                at = at_stage(stage, True, True, not changed, at)
+                at = at_stage(stage, True, PREDICTED if changed else SOLVED, at)
                 if not changed:
                     break
             if stage == STAGES:
@@ -110,23 +110,13 @@ def advance(program, places, net, run, rules, plan, at, history):
                     return DONE, at
             advance_states(stage, span, run)
             clip_at_limits(run.s, places)
-            at = at_stage(stage + 1, at.decided, False, False, at)
+            at = at_stage(stage + 1, at.decided, UNKNOWN, at)
         # A part that ends at a jump: orders switch, or a device stops. The rest of the step is the next part.
         if at.end < 1:
             jump(at.row, h, places, run)
             copy(run.s, run.part.x)
             begin(0.0, places, run)
-            at = Cursor(
-                at.step,
-                0,
-                at.end,
-                end=1.0,
-                row=-1,
-                parts=at.parts,
-                decided=not places.follows,
-                predicted=False,
-                solved=False,
-            )
+            at = Cursor(at.step, 0, at.end, end=1.0, row=-1, parts=at.parts, decided=not places.follows, volts=UNKNOWN)
             continue
         # Where does the first jump within this part lie? If there is one, make the part again, up to it. Orders that
         # chatter jump in every step, without end: after `CHATTER` such steps they act at the ends of steps only.
@@ -141,7 +131,7 @@ def advance(program, places, net, run, rules, plan, at, history):
                 if places.follows:
                     again(places, run)
                 cut = at.begin + t * (at.end - at.begin)
-                at = Cursor(at.step, 0, at.begin, cut, row, at.parts + 1, decided=True, predicted=False, solved=False)
+                at = Cursor(at.step, 0, at.begin, cut, row, at.parts + 1, decided=True, volts=UNKNOWN)
                 continue
         if run.notes[NOTE.divided] < CHATTER:
             run.notes[NOTE.divided] = run.notes[NOTE.divided] + 1 if at.parts > 1 else 0
@@ -153,9 +143,8 @@ def advance(program, places, net, run, rules, plan, at, history):
         count_reversals(places, run, h)
         run.s[places.seen.time] += h
         # With relays, the voltages at the start of the next step are known: they are those at this end.
-        at = Cursor(
-            at.step + 1, 0, begin=0.0, end=1.0, row=-1, parts=1, decided=False, predicted=False, solved=places.relay
-        )
+        volts = SOLVED if places.relay else UNKNOWN
+        at = Cursor(at.step + 1, 0, begin=0.0, end=1.0, row=-1, parts=1, decided=False, volts=volts)
         if verdict != DONE:
             return verdict, at
     return DONE, at
@@ -210,7 +199,7 @@ def start_from_no_load(program, places, net, run):
     perform(program.source, program.w, program.k, run.s, run.f, net.island)
     solve_apart(net.factors, run.current, run.solve.work, run.volt)
     clear_dead_buses(net, run)
-    run.notes[NOTE.kept] = -1
+    run.notes[NOTE.kept] = AWAY
 
 
 @inline
@@ -281,9 +270,9 @@ def record(places, net, run, row):
 
 
 @inline
-def at_stage(stage, decided, predicted, solved, at):
+def at_stage(stage, decided, volts, at):
     """The cursor at another stage of the same part of a step."""
-    return Cursor(at.step, stage, at.begin, at.end, at.row, at.parts, decided, predicted, solved)
+    return Cursor(at.step, stage, at.begin, at.end, at.row, at.parts, decided, volts)
 
 
 @entry
@@ -296,7 +285,7 @@ def replay(program, places, net, run, sizes, rows, at, signals, held, clipped):
     while at.step < len(sizes):
         h, step = sizes[at.step], at.step
         for stage in range(at.stage, STAGES):
-            if not at.predicted:
+            if at.volts == UNKNOWN:
                 if stage == 0:
                     for k in range(rows.shape[1]):
                         run.s[k] = rows[step, k]
@@ -304,7 +293,7 @@ def replay(program, places, net, run, sizes, rows, at, signals, held, clipped):
                 copy(run.volt, run.solve.before)
             found = settle(program, places, net, run)
             if found != FOUND:
-                return found == UNPREPARED, at_stage(stage, True, True, False, at)
+                return found == UNPREPARED, at_stage(stage, True, PREDICTED, at)
             perform(program.sweep, program.w, program.k, run.s, run.f, net.island)
             copy(run.s, signals[step, stage])
             for k in range(len(places.limited)):
@@ -321,6 +310,6 @@ def replay(program, places, net, run, sizes, rows, at, signals, held, clipped):
             for k in range(len(places.limited)):
                 free, kept = clipped[step, stage, k], run.s[places.limited[k]]
                 clipped[step, stage, k] = 1.0 if free > kept else -1.0 if free < kept else 0.0
-            at = at_stage(stage + 1, True, False, False, at)
-        at = Cursor(at.step + 1, 0, begin=0.0, end=1.0, row=-1, parts=1, decided=True, predicted=False, solved=False)
+            at = at_stage(stage + 1, True, UNKNOWN, at)
+        at = Cursor(at.step + 1, 0, begin=0.0, end=1.0, row=-1, parts=1, decided=True, volts=UNKNOWN)
     return False, at
