@@ -24,6 +24,7 @@ from stabctl.model.replicate import replicate
 from stabctl.simulation import stepper
 from stabctl.simulation._substitution import Factors
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 
 COPIES, SYSTEMS = 10, 82
@@ -35,7 +36,7 @@ class System:
     """A simulation just after a fault, with data of its own."""
 
     def __init__(self, point: operating_point.OperatingPoint) -> None:
-        run = Simulation(point, Contingency("83", 4 / 60, ["83-33"], at=0.0), record=False)
+        run = Simulation(setup(point), Contingency("83", 4 / 60, ["83-33"], at=0.0), record=False)
         run.advance(0.1)
         program, net = run._program, run._stage.net
         self.program = program._replace(w=program.w.copy(), k=program.k.copy())

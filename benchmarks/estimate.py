@@ -19,6 +19,7 @@ from stabctl.estimation.estimators import Engine, Estimator, estimator
 from stabctl.estimation.pmu import Frame, Instrument, Pmu
 from stabctl.estimation.rotor_units import Terminals, rotor_units
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 
 FRAMES = 240
@@ -27,7 +28,7 @@ FRAMES = 240
 def frames(case: str, seeds: int) -> tuple[Simulation, list[Frame]]:
     """The reports of a fault at bus 83 of the case, cleared after four cycles."""
     point = operating_point.solve(io.load(case))
-    simulation = Simulation(point, Contingency("83", 4 / 60, ["83-33"]), record=False)
+    simulation = Simulation(setup(point), Contingency("83", 4 / 60, ["83-33"]), record=False)
     pmu, terminals, seen = Pmu(), Terminals(simulation), []
     instrument = Instrument(pmu, range(seeds), len(point.case.machines), point.case.frequency_hz)
     for k in range(FRAMES):

@@ -24,6 +24,7 @@ from stabctl.model import powerflow
 from stabctl.model.case import Case
 from stabctl.model.replicate import replicate
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 from stabctl.smallsignal import analyze, descriptor
 from stabctl.view.figures import style
@@ -44,7 +45,7 @@ WORKS = (
 def second(point: operating_point.OperatingPoint) -> float:
     """Processor time (s) of one simulated second that begins with a four-cycle fault, two network changes included."""
     point.stages.clear()
-    simulation = Simulation(point, Contingency("83", 4 / 60, ["83-33"], at=0.0), record=False)
+    simulation = Simulation(setup(point), Contingency("83", 4 / 60, ["83-33"], at=0.0), record=False)
     return cpu(lambda: simulation.advance(1.0))
 
 

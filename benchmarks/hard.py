@@ -18,6 +18,7 @@ from hard import hard
 
 from stabctl import io
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 
 
@@ -28,7 +29,7 @@ def main() -> None:
         point, least = case.initialize(), np.inf
         fault = Contingency(str(case.branches[len(case.branches) // 3].from_bus), 3 / 60, at=0.1)
         for _ in range(7):
-            simulation = Simulation(point, fault, record=False)
+            simulation = Simulation(setup(point), fault, record=False)
             least = min(least, cpu(lambda simulation=simulation: simulation.advance(10.0)))
         made = simulation.finish()
         table.add_row(name, str(made.steps), f"{1e3 * least:.3g}", f"{made.newton_stages} of {4 * made.steps}")

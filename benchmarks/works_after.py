@@ -17,6 +17,7 @@ from stabctl.model.replicate import replicate
 from stabctl.placement.contingencies import packaged, read
 from stabctl.placement.place import place
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 from stabctl.smallsignal import analyze, descriptor
 from stabctl.smallsignal.model import eliminated
@@ -33,13 +34,13 @@ FAULTS = {
 
 def ten_seconds(name: str, record: bool) -> float:
     """Processor seconds of a run without its set-up."""
-    simulation = Simulation(POINTS[name], FAULTS[name], record=record)
+    simulation = Simulation(setup(POINTS[name]), FAULTS[name], record=record)
     return cpu(partial(simulation.advance, 10.0))
 
 
 def frame(engine: str | None) -> float:
     """Median processor seconds of the Kalman filters of 34 machines per frame of one seed, over two seconds."""
-    simulation, pmu = Simulation(POINTS["wnaps"], FAULTS["wnaps"], record=False), Pmu()
+    simulation, pmu = Simulation(setup(POINTS["wnaps"]), FAULTS["wnaps"], record=False), Pmu()
     known, terminals = rotor_units(simulation.point), Terminals(simulation)
     made = estimator("kalman", known, pmu, **({"engine": engine} if engine else {}))
     instrument = Instrument(pmu, range(1), len(simulation.point.case.machines), known.frequency_hz)
@@ -57,7 +58,7 @@ def sited(classical: bool) -> float:
     case = CASES["ieee39"]
     listed = read(packaged("ieee39", classical) or "", case)
     base = case.classical() if classical else case
-    Simulation(operating_point.solve(base), listed[0], record=False).advance(0.1)
+    Simulation(setup(operating_point.solve(base)), listed[0], record=False).advance(0.1)
     return cpu(partial(place, base, listed, workers=1))
 
 

@@ -12,6 +12,7 @@ from stabctl.devices.machines import genrou
 from stabctl.estimation.estimators import Filtered, estimator
 from stabctl.estimation.pmu import Instrument
 from stabctl.estimation.rotor_units import Terminals, rotor_units
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 
 SEEDS, UKF_SEEDS, UNTIL, RATE = 20, 5, 3.0, 60
@@ -92,7 +93,7 @@ def data(name: str) -> list[tuple[str, ...]]:
 def literature(cycles: float = 8.37) -> list[tuple[str, ...]]:
     """The package's filter and that with unknown inputs on the same frames of two_area."""
     point, pmu = st.load("two_area").initialize(), st.Pmu(loss=0.0, clock=0.0)
-    simulation = Simulation(point, st.Contingency("7", clear=f"{cycles}cyc", trip="7-8"), record=False)
+    simulation = Simulation(setup(point), st.Contingency("7", clear=f"{cycles}cyc", trip="7-8"), record=False)
     terminals, machines = Terminals(simulation), len(point.case.machines)
     instrument = Instrument(pmu, range(UKF_SEEDS), machines, point.case.frequency_hz)
     kalman = estimator("kalman", rotor_units(point), pmu)

@@ -6,6 +6,7 @@ from systems import KINDS, small
 from stabctl.dynamics import family, operating_point, storage
 from stabctl.model.tables import Storage
 from stabctl.simulation.criterion import Criterion
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 
 KEEP_ON = Criterion(max_angle=np.inf)
@@ -22,7 +23,7 @@ def with_esd(*rows, **options):
 
 def driven(case, orders, events=(), until=1.5, step=1 / 240):
     """A run with orders of the devices set from outside: {time: orders}."""
-    sim = Simulation(operating_point.solve(case), list(events), step=step, criterion=KEEP_ON)
+    sim = Simulation(setup(operating_point.solve(case), step=step, criterion=KEEP_ON), list(events))
     for t, values in orders.items():
         assert sim.advance(t)
         sim.orders[:] = values

@@ -203,7 +203,9 @@ def tasks(by_bus: dict[str, list[Circuit]], shared: Shared, identified: bool) ->
 def run(task: Task) -> Found:
     """The clearing times of a faulted bus."""
     job, (base, search, control) = task.job, task.shared
-    pairs = _pairs([Trial(base.point, Contingency(job.fault, trip=one), control, search) for one in job.trip])
+    first, *others = (Contingency(job.fault, trip=one) for one in job.trip)
+    trial = Trial(base.point, first, control, search)
+    pairs = _pairs([trial, *map(trial.of, others)])
     shortest = min((p.cycles for p in pairs if p.cycles is not None), default=None)
     simulations = sum(len(p.runs) for p in pairs) + 1
     found = json.dumps([as_plain(pair) for pair in pairs])

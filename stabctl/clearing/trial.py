@@ -5,6 +5,7 @@ is its margin after the single-machine-equivalent (SIME) method.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -21,7 +22,8 @@ from stabctl.simulation.criterion import DEFAULT, Criterion, checked
 from stabctl.simulation.events import Event, Fault
 from stabctl.simulation.outcome import Kind
 from stabctl.simulation.recording import Recorded
-from stabctl.simulation.simulation import run
+from stabctl.simulation.setup import Setup, setup
+from stabctl.simulation.simulation import run_of
 from stabctl.simulation.swings import Swings, group
 from stabctl.simulation.trajectory import Trajectory
 
@@ -169,6 +171,17 @@ class Trial:
             )
 
     @cached_property
+    def setup(self) -> Setup:
+        """The system with its control, which all runs share."""
+        return setup(self.point, self.control, step=self.search.step, criterion=self.search.criterion)
+
+    def of(self, contingency: Contingency) -> "Trial":
+        """The same for another contingency, with the same set-up."""
+        new = replace(self, contingency=contingency)
+        vars(new)["setup"] = self.setup
+        return new
+
+    @cached_property
     def others(self) -> tuple[Event, ...]:
         """The other events, their instants (s) from the fault on."""
         case = self.point.case
@@ -198,10 +211,15 @@ class Trial:
         last = self.last_event(k)
         return self._run(self.events(k), last + self.search.observed_s, record, last + self.search.longest_s)
 
-    def events(self, k: int) -> list[Contingency | Event]:
-        """The contingency cleared at the grid's point k, and what else happens."""
-        fault = replace(self.contingency, clear=self.duration(k), at=self.at, events=())
-        return [fault, *(replace(e, at=e.at + self.at) for e in self.others)]
+    @cached_property
+    def placed(self) -> Contingency:
+        """The contingency with records of the case's buses and circuits."""
+        return self.contingency.placed(self.point.case)
+
+    def events(self, k: int) -> list[Event]:
+        """The fault cleared at the grid's point k, and what else happens."""
+        other = (replace(e, at=e.at + self.at) for e in self.others)
+        return [*self.placed.between(self.at, self.cleared(k)), *other]
 
     def attempt(self, k: int) -> Run:
         """What the run cleared at the grid's point k shows."""
@@ -215,16 +233,13 @@ class Trial:
         """Point of the grid near the answer: a share of the time to loss of synchronism, fault uncleared."""
         hz, search = self.point.case.frequency_hz, self.search
         longest = min(search.limit_cycles / SUSTAINED / hz, search.observed_s)
-        fault = Fault(self.contingency.fault or "", self.at, self.contingency.impedance)
+        fault = Fault(self.placed.fault or "", self.at, self.contingency.impedance)
         end = self._run([fault], self.at + longest, record=False).outcome
         cycles = search.limit_cycles / SUSTAINED if end.stable else (end.time_s - self.at) * hz
         return int(SUSTAINED * cycles / search.resolution_cycles)
 
-    def _run(
-        self, events: list[Contingency | Event], until: float, record: Recorded, longest: float = 0.0
-    ) -> Trajectory:
-        options: Any = {"step": self.search.step, "criterion": self.search.criterion, "record": record}
-        return run(self.point, events, until, self.control, longest=longest, **options)
+    def _run(self, events: Sequence[Event], until: float, record: Recorded, longest: float = 0.0) -> Trajectory:
+        return run_of(self.setup, events, until, record=record, longest=longest)
 
 
 def margin(trajectory: Trajectory, cleared_s: float) -> Margin | None:

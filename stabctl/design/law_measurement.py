@@ -20,7 +20,6 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.jobs import Found, Kind, Runner, Task
 from stabctl.jobs.task import Base, sha256, text
 from stabctl.simulation.contingency import Contingency
-from stabctl.simulation.control import acting
 from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.trajectory import Trajectory
 
@@ -238,11 +237,9 @@ def later(trial: Trial, k: int, within_s: float) -> Later:
     TypeError
         If the control of the trial needs what is called from outside at frames.
     """
-    parts = acting(trial.control)
-    if parts.pilots or parts.controllers:
+    if trial.setup.parts.pilots or trial.setup.parts.controllers:
         raise TypeError("only a law of the storage devices is watched for long")
-    options: Any = {"step": trial.search.step, "criterion": trial.search.criterion, "record": False}
-    simulation = Simulation(trial.point, trial.events(k), parts.law, **options)
+    simulation = Simulation(trial.setup, trial.events(k), record=False)
     at = storage.places(trial.point.system, trial.point.case).energy
     end, kwh = trial.last_event(k) + within_s, trial.point.case.base_mva / 3.6
     found = [simulation.s[at] * kwh]

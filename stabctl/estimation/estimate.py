@@ -12,6 +12,7 @@ from stabctl.model.case import Case
 from stabctl.simulation.contingency import Disturbance, timed_events
 from stabctl.simulation.control import Control, carry
 from stabctl.simulation.criterion import DEFAULT, Criterion, checked
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 
 from .estimates import Estimates
@@ -83,8 +84,8 @@ def estimate(
         raise StudyError(f"seeds = {seeds!r} is not allowed; give one or more whole numbers of at least 0.")
     h = None if step is None else seconds(step, hz)
     rules = checked(criterion, hz)
-    options: Any = {"measured": chosen.controllers, "step": h, "criterion": rules, "record": record}
-    simulations = [Simulation(point, events, **options) for _ in seeds]
+    system = setup(point, chosen, step=h, criterion=rules)
+    simulations = [Simulation(system, events, record=record) for _ in seeds]
     loop = EstimatorLoop(chosen, simulations, seeds)
     called = [one for s in simulations for one in s.frames]
     carry(simulations, [(chosen.rate, loop), *called], [last + OBSERVE if end is None else end])

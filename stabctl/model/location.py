@@ -76,7 +76,7 @@ def locate(case: Case, place: Place) -> Location:
     """
     found = read(case, place) if isinstance(place, str) else place
     if isinstance(found, str):
-        return Location(next(i for i, bus in enumerate(case.buses) if str(bus.bus) == found))
+        return Location(case.row_of_bus[int(found)])
     row, (a, b, *_, along) = _circuit_row(case, found), found
     if along is not None and not 0 <= along <= 1:
         raise StudyError(

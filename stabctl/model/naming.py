@@ -185,7 +185,7 @@ def _ends(case: Tables | None, text: str) -> tuple[int, int] | None:
 
 def circuit_rows(case: Tables, wanted: Circuit) -> list[int]:
     """Rows of the branches between the buses of a circuit; only its own if it is told from the others."""
-    between = [i for i, k in enumerate(case.branches) if {k.from_bus, k.to_bus} == {wanted.a, wanted.b}]
+    between = list(case.rows_between.get(frozenset((wanted.a, wanted.b)), ()))
     if wanted.id is not None:
         same = [i for i in between if case.branches[i].circuit == wanted.id]
         return same or [i for i in between if case.branches[i].circuit.upper() == wanted.id.upper()]
@@ -212,7 +212,7 @@ def bus_number(case: Tables, name: object) -> int | None:
     """Number of the bus with this number, or with this name if only one has it; capitals do not matter."""
     text = _plain(name)
     if text.isdecimal():
-        return next((b.bus for b in case.buses if str(b.bus) == text), None)
+        return int(text) if text.isascii() and len(text) < 19 and int(text) in case.row_of_bus else None
     found = [b.bus for b in case.buses if b.name and _plain(b.name) == text]
     return found[0] if len(found) == 1 else None
 
@@ -236,7 +236,7 @@ def moved(key: Key, shift: int) -> Key:
 
 def bus(case: Tables, number: int) -> str:
     """A bus in words: `bus 7`, or `bus 7 (NORTH)` if it has a name."""
-    name = next((b.name for b in case.buses if b.bus == number), "")
+    name = case.buses[case.row_of_bus[number]].name if number in case.row_of_bus else ""
     return f"bus {number} ({name})" if name else f"bus {number}"
 
 

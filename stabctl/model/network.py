@@ -116,7 +116,7 @@ class Entries(NamedTuple):
 
 def build(case: Tables) -> Network:
     """The network of a case in pu on the system base, angles in radians."""
-    place = {b.bus: i for i, b in enumerate(case.buses)}
+    place = case.row_of_bus
     values = np.fromiter(chain.from_iterable(map(_NUMBERS, case.branches)), float)
     r, x, b, tap, phase, *ends = values.reshape(-1, 9).T
     return Network(

@@ -1,7 +1,7 @@
 """The power flow of a case: a sparse Newton method in polar coordinates, and its solution as a record."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TOLERANCE = 1e-8  # MVA   largest power mismatch (1e-10 pu on 100 MVA)
+KEPT = 4  # sparsities of Jacobians, of the latest systems
 SYMMETRIC: dict[str, Any] = {  # of SuperLU: pivots on the diagonal if they are large enough, columns one by one
     "diag_pivot_thresh": 0.01,
     "relax": 1,
@@ -186,7 +187,7 @@ class Demand(NamedTuple):
 
 def demands(case: Case) -> Demand:
     """What loads and HVDC terminals draw; a load depends on the voltage if its row gives that of its p and q."""
-    place = {b.bus: i for i, b in enumerate(case.buses)}
+    place = case.row_of_bus
     S = Demand(*np.zeros((3, len(case.buses)), complex))
     at = np.array([place[load.bus] for load in case.loads], int)
     parts = np.fromiter(chain.from_iterable(map(zip_load.parts, case.loads)), complex) / case.base_mva
@@ -232,7 +233,8 @@ class _Pattern(NamedTuple):
     of_p: np.ndarray  # row of the equation of every active power, and column of the angle of its bus
     of_q: np.ndarray  # row of the equation of every reactive power, and column of the voltage of its bus
     taken: np.ndarray  # derivatives that are the entries of the Jacobian
-    J: sp.csc_matrix  # set anew at every step
+    indices: np.ndarray  # of the Jacobian
+    indptr: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -256,18 +258,9 @@ class Equations:
 
     @cached_property
     def _pattern(self) -> _Pattern:
-        """Where the derivatives (in the order of `step`) stand in the Jacobian; buses in an order with little fill."""
-        n, m = len(self.produced), len(self.p) + len(self.q)
-        i, j = self.Y.indices, np.repeat(np.arange(n), np.diff(self.Y.indptr))
-        unknown, position = np.zeros((n, 2), bool), _order(self.Y)
-        unknown[position[self.p], 0] = unknown[position[self.q], 1] = True
-        number = np.where(unknown, np.cumsum(unknown).reshape(n, 2) - 1, -1)
-        of_p, of_q = number[position].T
-        rows = np.concatenate([of_p[i], of_p[i], of_q[i], of_q[i]])
-        columns = np.concatenate([of_p[j], of_q[j], of_p[j], of_q[j]])
-        inside = np.flatnonzero((rows >= 0) & (columns >= 0))
-        J = sp.csc_matrix((inside.astype(float), (rows[inside], columns[inside])), shape=(m, m))
-        return _Pattern(i, j, np.flatnonzero(i == j), of_p[self.p], of_q[self.q], J.data.astype(int), J)
+        """The sparsity of the Jacobian."""
+        parts = self.Y.indptr, self.Y.indices, self.p, self.q
+        return _pattern(*(np.asarray(part, np.int64).tobytes() for part in parts))
 
     def step(self, now: Voltages) -> tuple[np.ndarray, np.ndarray]:
         """Newton step of voltages (pu) and angles (rad). Raises RuntimeError if the Jacobian is singular."""
@@ -276,9 +269,10 @@ class Equations:
         by_size, turned = flow / now.size[at.j], flow.copy()  # derivatives by the angle are -j times `turned`
         turned[at.own] -= now.power
         by_size[at.own] += now.power / now.size + self.drawn.s1 + 2 * self.drawn.s2 * now.size
-        at.J.data[:] = np.concatenate([turned.imag, by_size.real, -turned.real, by_size.imag])[at.taken]
+        entries = np.concatenate([turned.imag, by_size.real, -turned.real, by_size.imag])[at.taken]
+        J = sp.csc_matrix((entries, at.indices, at.indptr), shape=(len(miss), len(miss)))
         miss[at.of_p], miss[at.of_q] = -now.F[: len(self.p)], -now.F[len(self.p) :]
-        x = splu(at.J, "NATURAL", **SYMMETRIC).solve(miss)
+        x = splu(J, "NATURAL", **SYMMETRIC).solve(miss)
         d_size, d_angle = np.zeros((2, n))
         d_angle[self.p], d_size[self.q] = x[at.of_p], x[at.of_q]
         return d_size, d_angle
@@ -291,10 +285,31 @@ class Equations:
         return np.abs(out)
 
 
-def _order(Y: sp.csc_matrix) -> np.ndarray:
+@lru_cache(KEPT)
+def _pattern(*parts: bytes) -> _Pattern:
+    """Where the derivatives (in the order of `step`) stand in the Jacobian; buses in an order with little fill.
+
+    The parts are pointers and indices of the admittance matrix, and the rows of buses with equations.
+    """
+    indptr, i, p, q = (np.frombuffer(part, np.int64) for part in parts)
+    n, m = len(indptr) - 1, len(p) + len(q)
+    j = np.repeat(np.arange(n), np.diff(indptr))
+    unknown, position = np.zeros((n, 2), bool), _order(i, indptr)
+    unknown[position[p], 0] = unknown[position[q], 1] = True
+    number = np.where(unknown, np.cumsum(unknown).reshape(n, 2) - 1, -1)
+    of_p, of_q = number[position].T
+    rows = np.concatenate([of_p[i], of_p[i], of_q[i], of_q[i]])
+    columns = np.concatenate([of_p[j], of_q[j], of_p[j], of_q[j]])
+    inside = np.flatnonzero((rows >= 0) & (columns >= 0))
+    J = sp.csc_matrix((inside.astype(float), (rows[inside], columns[inside])), shape=(m, m))
+    return _Pattern(i, j, np.flatnonzero(i == j), of_p[p], of_q[q], J.data.astype(int), J.indices, J.indptr)
+
+
+def _order(indices: np.ndarray, indptr: np.ndarray) -> np.ndarray:
     """Position of every bus in an order in which elimination adds few entries (minimum degree)."""
-    links = sp.csc_matrix((np.ones(Y.nnz), Y.indices, Y.indptr), shape=Y.shape)
-    links.setdiag(Y.shape[0])
+    n = len(indptr) - 1
+    links = sp.csc_matrix((np.ones(len(indices)), indices, indptr), shape=(n, n))
+    links.setdiag(n)
     return splu(links, "MMD_AT_PLUS_A", **SYMMETRIC).perm_c
 
 

@@ -203,8 +203,7 @@ def short_circuit_ratio(base: Any, *, trip: str | None = None) -> ShortCircuitRa
     if not rows:
         raise StudyError(f"{case.name} has no converter and no storage device, so it has no short-circuit ratio.")
     names, buses, rated = zip(*rows, strict=True)
-    place = {b.bus: k for k, b in enumerate(case.buses)}
-    at, P = np.array([place[bus] for bus in buses]), np.array(rated)
+    at, P = np.array([case.row_of_bus[bus] for bus in buses]), np.array(rated)
     own, columns = impedances(case, trip, at)
     S = case.base_mva / np.abs(own[at])
     factor = np.abs(columns[at] / own[at])  # row k, column j: |Z_kj / Z_jj|; 1 at the same bus

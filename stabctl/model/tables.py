@@ -4,8 +4,9 @@ A device model has a table of its own, `<model>.csv`. A load model is keyed by b
 of loads.csv. A shunt is also keyed by bus, and may be at any bus. Every other model is keyed by machine.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -151,6 +152,19 @@ class Tables:
     title: str = ""
     source: str = ""
     notes: tuple[str, ...] = field(default=(), compare=False)
+
+    @cached_property
+    def row_of_bus(self) -> Mapping[int, int]:
+        """Row of every bus, by its number."""
+        return {b.bus: row for row, b in enumerate(self.buses)}
+
+    @cached_property
+    def rows_between(self) -> Mapping[frozenset[int], Sequence[int]]:
+        """Rows of the branches between two buses."""
+        found: dict[frozenset[int], list[int]] = {}
+        for row, k in enumerate(self.branches):
+            found.setdefault(frozenset((k.from_bus, k.to_bus)), []).append(row)
+        return found
 
     def model(self, number: int, role: str) -> str | None:
         """Name of the first model with a role that a machine has.

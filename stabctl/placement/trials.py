@@ -19,7 +19,7 @@ from stabctl.jobs.task import Base
 from stabctl.simulation.attached import attached
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
-from stabctl.simulation.simulation import Simulation
+from stabctl.simulation.setup import setup
 from stabctl.simulation.trajectory import Trajectory
 
 from ._simulated import FLEET, CriticalTime, Outcome, Peaks, Shared, Simulated, What, simulate, task, trial
@@ -257,7 +257,7 @@ class Trials:
 
     def refined(self) -> "Trials":
         """The same with half the time step and twice the observation window."""
-        step = Simulation(self.point, step=self.search.step, record=False).step / 2
+        step = setup(self.point, step=self.search.step).step / 2
         new = copy.copy(self)
         new.search, new._known = replace(self.search, observed_s=2 * self.search.observed_s, step=step), {}
         new._losses = Counter(self._losses)

@@ -183,12 +183,26 @@ class Contingency:
         events = list(self.others(case))
         if self.fault is None and not self.trip:
             return tuple(events)
-        at, off, of_case = self.starts(case), self.cleared(case), self.placed(case)
-        if of_case.fault is not None and seconds(self.clear or 0.0, case.frequency_hz) > 0:
-            events.append(Fault(of_case.fault, at, self.impedance))
-            if isinstance(of_case.fault, str):
-                events.append(Clear(of_case.fault, off))
-        return tuple(events) + tuple(Open(k, off) for k in of_case.opened)
+        return *events, *self.placed(case).between(self.starts(case), self.cleared(case))
+
+    def between(self, begin: float, end: float) -> tuple[Event, ...]:
+        """The fault, its clearing, and the circuits opened then.
+
+        Parameters
+        ----------
+        begin, end : float, s
+            Instants of the fault and of its clearing.
+
+        Returns
+        -------
+        tuple of event
+        """
+        events: list[Event] = []
+        if self.fault is not None and end > begin:
+            events.append(Fault(self.fault, begin, self.impedance))
+            if isinstance(self.fault, str):
+                events.append(Clear(self.fault, end))
+        return *events, *(Open(k, end) for k in self.opened)
 
     def check(self, case: Case, until: float | None = None) -> None:
         """Check the contingency against a case.

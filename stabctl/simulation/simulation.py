@@ -1,32 +1,28 @@
 """A simulation that can be advanced an interval at a time, and the run from start to end in one call."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from stabctl._util.errors import StudyError
-from stabctl.controllers import Law
-from stabctl.controllers.controller import Controller
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.model import naming
 from stabctl.model.network import Switching
 
-from . import _judgment, closed, stepper, steps, swings
+from . import _judgment, stepper, steps, swings
 from ._buffers import NOTE, buffers
-from .attached import attached
 from .contingency import Disturbance, timed_events
-from .control import Control, Frames, Pilot, acting, carry
-from .criterion import DEFAULT, Criterion, frequency_range, numbers, with_frequency
+from .control import Control, Frames, Pilot, carry
+from .criterion import DEFAULT, Criterion, frequency_range
 from .outcome import ControlLoop, End, Outcome, check_numbers, outcome, stalled
 from .recording import Recorded, Recording
-from .stages import constants
+from .setup import Setup, setup
 from .swings import Swings
 from .timeline import timeline
-from .topology import stage
 from .trajectory import Happened, Trajectory
-from .wired import wired
 
 FURTHER = 5.0  # s   by which a run is continued while its swings may grow
 REVERSALS = 5.0  # 1/s   of full power, from which on a storage device is in a limit cycle; swings make up to 4
@@ -35,24 +31,15 @@ TIMED = _judgment.LOW_VOLTAGE, _judgment.FREQUENCY  # verdicts whose instant lie
 
 
 class Simulation:
-    """A simulation that is advanced an interval at a time; without a `control`, storage orders can be set in between.
+    """A simulation that is advanced an interval at a time; without a law, storage orders can be set in between.
 
     Parameters
     ----------
-    point : OperatingPoint
-        Where the simulation starts.
+    system : Setup
+        The operating point with its control. Python functions are called by `frames`; the inputs of controllers behind
+        an estimator are set from outside, at the places in `attached.measured`.
     events : Contingency, event, str, or list of them, optional
         What happens, as in `simulate`.
-    control : control law, optional
-        Control law of the storage devices; by default the orders set in `orders`.
-    controllers : sequence of Controller
-        Controllers; the frames of Python functions are called by `frames`.
-    measured : sequence of Controller
-        Controllers whose inputs are set from outside, at the places in `attached.measured`.
-    step : float, s, optional
-        Largest time step.
-    criterion : Criterion
-        When the run counts as unstable and ends.
     record : bool or "rotors"
         Keep the trajectory, or only the signals up to the angles and speeds of the rotors.
     every : float, s
@@ -65,28 +52,21 @@ class Simulation:
     Raises
     ------
     StudyError
-        If an event or the step is not possible.
+        If an event is not possible.
     """
 
     def __init__(
         self,
-        point: OperatingPoint,
+        system: Setup,
         events: "Disturbance | None" = None,
-        control: Law | None = None,
-        controllers: Sequence[Controller] = (),
         *,
-        measured: Sequence[Controller] = (),
-        step: float | None = None,
-        criterion: Criterion = DEFAULT,
         record: Recorded = True,
         every: float = 0.0,
         start: float = 0.0,
         progress: Callable[[float], None] | None = None,
     ) -> None:
-        self.progress = progress
-        self.attached = attached(point, controllers, measured)
-        point = self.attached.point
-        self.point, self.criterion = point, criterion
+        self.progress, self.setup, self.attached, self.step = progress, system, system.attached, system.step
+        self.point = point = system.point
         self.changes = timeline(point.case, timed_events(point.case, events))
         self.time, self.wall_s, self.steps = start, 0.0, 0
         self.outcome: Outcome | None = None
@@ -98,20 +78,16 @@ class Simulation:
         self._off = np.full(len(point.case.machines), np.inf)
         while self._at + 1 < len(self.changes) and self.changes[self._at + 1].at <= start + 1e-9:
             self._at += 1
-        self.wired = wired(point, control, self.attached.rates, self.attached.gates)
-        self._closed = closed.eigenvalues(self.attached, control, self.wired)
-        self.loop = self._closed.fastest
-        self.step = steps.checked(point, step, self.loop, control.step if control else steps.STEP)
-        signals = self.wired.layout.first_memory
-        self._record = Recording(point, record, signals, every=every, span=swings.SPAN)
-        self._rules, self._judged = numbers(criterion), with_frequency(criterion, point.system)
-        self._run = buffers(self.wired.start, self.wired.layout, self.wired.places)
+        self.wired = system.wired
+        self._record = Recording(point, record, self.wired.layout.first_memory, every=every, span=swings.SPAN)
+        self._run = buffers(self.wired.start, self.wired.layout, system.places)
         self._enter()
-        self._clock = self.wired.places.seen.time
+        self._clock = system.places.seen.time
         self.frames = tuple((c.named.controller.rate or 1, Frames(c, self)) for c in self.attached.called)
         self._windows()
-        self._call(steps.NONE, False)  # compiles, or loads the machine code, outside the time that is measured
-        self.wall_s = 0.0
+        if not stepper.advance.signatures():  # compile it, or load it, outside the time that is measured
+            self._call(steps.NONE, False)
+            self.wall_s = 0.0
 
     @property
     def orders(self) -> np.ndarray:
@@ -151,7 +127,7 @@ class Simulation:
     @property
     def island(self) -> np.ndarray:
         """Island numbers (units) now; -1 for a disconnected machine."""
-        return self._stage.net.island
+        return self._on.network.net.island
 
     @property
     def switching(self) -> Switching:
@@ -161,7 +137,7 @@ class Simulation:
     def affordable(self, until: float) -> None:
         """Raise `StudyError` if a run to `until` (s) takes too many steps, or too much memory."""
         width = self._record.per_step(self.step)
-        steps.affordable(self.point, self.step, until - self.time, width, loop=self.loop)
+        steps.affordable(self.point, self.step, until - self.time, width, loop=self.setup.closed.fastest)
 
     def advance(self, until: float, cut: bool = False) -> bool:
         """Advance to `until` (s), stopping exactly at every event; returns whether the run continues.
@@ -208,7 +184,7 @@ class Simulation:
         peak = self._run.watch.angles[1].copy()
         for array in (rows, times, peak):
             array.setflags(write=False)
-        happened = Happened(self.changes[: self._at + 1], self._off.copy(), self._stage.net.island)
+        happened = Happened(self.changes[: self._at + 1], self._off.copy(), self.island)
         cost = self.step, self.steps, self.wall_s, int(self._run.notes[NOTE.newton])
         self._finished = Trajectory(self.point, self.outcome, times, rows, peak, happened, *cost)
         return self._finished
@@ -224,24 +200,17 @@ class Simulation:
         if self.time - begin < swings.LEAST - 1e-9:
             return None
         rotors, half_s = self.point.rotors, (self.time - begin) / 2
-        island, names, limit = self.island[rotors.unit], self.point.rotor_names, self.criterion.decay
+        island, names, limit = self.island[rotors.unit], self.point.rotor_names, self.setup.criterion.decay
         angles, middle = self._record.angles(begin, begin + half_s)
-        return swings.judged(angles, middle, island, self._places.weight, names, half_s, limit)
+        return swings.judged(angles, middle, island, self._on.places.weight, names, half_s, limit)
 
     def _enter(self) -> None:
         self._since, self._known = self.time, False
         self._run.solve.moves[:], self._run.late[0], self._run.loop.known[0] = 0, -1.0, 0
         self._run.notes[NOTE.slow :] = self._run.newton[:] = 0
-        self._stage = stage(self.point, self.changes[self._at].switching)
-        self._record.enter(self._stage.net)
-        self._off[(self._stage.net.island < 0) & np.isinf(self._off)] = self.time
-        self._program = self.wired.program
-        self._places = self.wired.places._replace(judged=self._judged)
-        if self.criterion.coi == "machines":
-            self._places = self._places._replace(weight=self.point.rotors.of_machines(self._stage.net.island))
-        if self._stage.constants:
-            k = constants(self.wired, self._stage, self._program.k)
-            self._program = self._program._replace(k=k)
+        self._on = self.setup.on(self.changes[self._at].switching)
+        self._record.enter(self._on.network.net)
+        self._off[(self.island < 0) & np.isinf(self._off)] = self.time
 
     def _windows(self) -> None:
         """Open and close the windows of time in which controllers act."""
@@ -276,18 +245,19 @@ class Simulation:
         outside = self._run.watch.off[1].max(initial=0.0)
         last = self.swings() if verdict == _judgment.DONE else None
         end = End(
-            verdict, instant, self._stage, self.speed, self._places.weight, rotor, bus, outside,
+            verdict, instant, self._on.network, self.speed, self._on.places.weight, rotor, bus, outside,
             tuple(self._taken_off), last, self._loop_frequency(verdict, rotor),
-            stalled(self.point, self._run.s, self._stage.net.alive), self._cycling(),
+            stalled(self.point, self._run.s, self._on.network.net.alive), self._cycling(),
             self._loop(), self._record.extremes,
             self.switching,
         )  # fmt: skip
-        return outcome(self.point, end, self.criterion)
+        return outcome(self.point, end, self.setup.criterion)
 
     def _loop(self) -> ControlLoop:
         """The loop that the control closes."""
         apart, chatter = (bool(self._run.notes[note]) for note in (NOTE.open, NOTE.chatter))
-        return ControlLoop(*self._closed, self.step, steps.trusted(self.step, self.loop), apart, chatter)
+        loop = self.setup.closed
+        return ControlLoop(*loop, self.step, steps.trusted(self.step, loop.fastest), apart, chatter)
 
     def _cycling(self) -> dict[str, float]:
         """Storage devices whose orders reverse without end, or faster than machines swing.
@@ -318,7 +288,7 @@ class Simulation:
         self.changes = (*self.changes[: self._at], *later)
         self._enter()
         self._run.watch.off[:2, self._run.notes[NOTE.rotor]] = 0.0
-        rules, hz = self.criterion, self.point.case.frequency_hz
+        rules, hz = self.setup.criterion, self.point.case.frequency_hz
         left = f"left the speed range {rules.slowest:g} to {rules.fastest:g} pu at {self.time:.3f} s"
         if verdict == _judgment.FREQUENCY:
             left = f"was outside {frequency_range(rules, hz)} for {rules.frequency_delay_s:g} s at {self.time:.3f} s"
@@ -345,11 +315,11 @@ class Simulation:
         """Steps of the compiled loop; Newton's method is prepared where it asks for it."""
         plan, at, verdict = stepper.Plan(now.sizes, now.due, last), stepper.START, _judgment.NEWTON
         while verdict == _judgment.NEWTON:
-            of = self._program, self._places, self._stage.net, self._run, self._rules
-            verdict, at = stepper.advance(*of, plan, at, history)
+            on, rules = self._on, self.setup.rules
+            verdict, at = stepper.advance(on.program, on.places, on.network.net, self._run, rules, plan, at, history)
             at = stepper.Cursor(*at)
             if verdict == _judgment.NEWTON:
-                self._newton = self.wired.prepare_newton(self._program, self._places, self._stage, self._run)
+                self._newton = self.wired.prepare_newton(on.program, on.places, on.network, self._run)
         return verdict, at.step
 
 
@@ -367,18 +337,31 @@ def run(
     longest: float = 0.0,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
-    """Simulate an operating point under a contingency, or events, until `until` (s); the rest as in `Simulation`.
+    """Simulate an operating point under a contingency, or events, until `until` (s); see `run_of`."""
+    system = setup(point, control, step=step, criterion=criterion)
+    how: Any = {"record": record, "every": every, "start": start, "longest": longest, "progress": progress}
+    return run_of(system, contingency, until, **how)
+
+
+def run_of(
+    system: Setup,
+    contingency: "Disturbance | None",
+    until: float,
+    *,
+    record: Recorded = True,
+    every: float = 0.0,
+    start: float = 0.0,
+    longest: float = 0.0,
+    progress: Callable[[float], None] | None = None,
+) -> Trajectory:
+    """Simulate a system with its control under a contingency or events until `until` (s); the rest as in `Simulation`.
 
     Laws and controllers run inside the compiled loop, Python functions and estimators between intervals of their rate.
     A run whose swings have not settled is continued, to `longest` (s) at most.
     """
-    events, parts = timed_events(point.case, contingency, until, start), acting(control)
-    simulation = Simulation(
-        point, events, parts.law, parts.controllers,
-        measured=parts.measured, step=step, criterion=criterion, record=record, every=every, start=start,
-        progress=progress,
-    )  # fmt: skip
-    pilots: list[Pilot] = [*((one.rate, one.pilot([simulation])) for one in parts.pilots), *simulation.frames]
+    events = timed_events(system.point.case, contingency, until, start)
+    simulation = Simulation(system, events, record=record, every=every, start=start, progress=progress)
+    pilots: list[Pilot] = [*((one.rate, one.pilot([simulation])) for one in system.parts.pilots), *simulation.frames]
     ends = _ends(simulation, until, longest)
     if pilots:
         carry([simulation], pilots, ends)

@@ -2,6 +2,7 @@
 
 from stabctl import io
 from stabctl.dynamics import operating_point
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 
-Simulation(operating_point.solve(io.load("two_area")))
+Simulation(setup(operating_point.solve(io.load("two_area"))))

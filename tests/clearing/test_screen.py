@@ -229,8 +229,8 @@ def test_threads_change_nothing(points):
 
 def test_every_simulation_is_counted(points, monkeypatch):
     """Those of every search, and one with a lasting fault at every bus, from which the first search begins."""
-    simulated, made = trial.run, []
-    monkeypatch.setattr(trial, "run", lambda *what, **how: made.append(what) or simulated(*what, **how))
+    simulated, made = trial.run_of, []
+    monkeypatch.setattr(trial, "run_of", lambda *what, **how: made.append(what) or simulated(*what, **how))
     found = screen(points("two_area"), resolution="2cyc", longest="0s")
     assert {p.fault for p in found.pairs} == {"7", "8", "9"}
     assert found.simulations == len(made) == sum(len(p.runs) for p in found.pairs) + 3

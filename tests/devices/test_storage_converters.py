@@ -16,6 +16,7 @@ from stabctl.dynamics import family, operating_point, storage
 from stabctl.model.tables import Machine, Storage
 from stabctl.simulation import steps
 from stabctl.simulation.events import Clear, Fault, Open
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.stages import stages
 from stabctl.smallsignal import linearize
@@ -39,7 +40,7 @@ def beside(case, models, mva):
 def unit_driven(case, changes, events=(), until=1.5, step=1 / 240):
     """A run with set-points of unit 3 changed: {time: {name: change}}."""
     point = operating_point.solve(case)
-    sim = Simulation(point, list(events), step=step, criterion=KEEP_ON)
+    sim = Simulation(setup(point, step=step, criterion=KEEP_ON), list(events))
     unit = len(case.machines) - 1
     for t, values in changes.items():
         assert sim.advance(t)
@@ -133,7 +134,7 @@ def test_without_a_voltage_reference_the_voltage_order_is_refused():
 def _ordered(case, orders):
     """A run with active and reactive orders, and orders of voltage."""
     point = operating_point.solve(case)
-    sim, at = Simulation(point, SHORT, step=1 / 240, criterion=KEEP_ON), storage.places(point.system, case)
+    sim, at = Simulation(setup(point, step=1 / 240, criterion=KEEP_ON), SHORT), storage.places(point.system, case)
     for t, (P, Q, *V) in orders.items():
         assert sim.advance(t)
         sim.orders[0], sim.s[at.order_q[0]] = P, Q
@@ -154,7 +155,7 @@ def test_without_orders_nothing_moves(model):
 @pytest.mark.parametrize("model", ALL)
 def test_a_law_at_rest_gives_no_order(model):
     point = operating_point.solve(with_esd(storage_model=model))
-    sim = Simulation(point, control=BangBang())
+    sim = Simulation(setup(point, BangBang()))
     assert sim.advance(1.0)
     assert np.abs(sim.s[: point.layout.step] - point.s[: point.layout.step]).max() < 1e-9
 
@@ -298,7 +299,7 @@ def test_another_rating_is_another_device(model):
     row = Storage(1, 2, 60.0, mva=75.0, storage_model=model, converter=case.storage[0].converter)
     fresh = operating_point.solve(with_esd(row))
     assert resized.case.storage == fresh.case.storage
-    runs = [Simulation(point, SHORT, BangBang(deadband=0.01)) for point in (resized, fresh)]
+    runs = [Simulation(setup(point, BangBang(deadband=0.01)), SHORT) for point in (resized, fresh)]
     for sim in runs:
         sim.advance(1.5)
     one, other = (sim.finish().rows for sim in runs)
@@ -309,7 +310,7 @@ def test_another_rating_is_another_device(model):
 @pytest.mark.parametrize("model", MODELS)
 def test_the_linear_model_predicts_a_small_order(model):
     point = operating_point.solve(with_esd(storage_model=model))
-    sim = Simulation(point, step=1 / 480)
+    sim = Simulation(setup(point, step=1 / 480))
     sim.orders[0] = 0.01
     assert sim.advance(1.0)
     run = sim.finish()
@@ -335,7 +336,7 @@ def test_grid_forming_storage_keeps_its_island_alive_and_grid_following_storage_
     lines = [Open("2-3", 0.5), Open("2-3#2", 0.5), Open("1-2", 0.5)]
     for model, alive in (("regfm", True), ("regc", False)):
         point = operating_point.solve(replace(case, storage=(case.storage[0]._replace(storage_model=model),)))
-        sim = Simulation(point, lines, criterion=KEEP_ON)
+        sim = Simulation(setup(point, criterion=KEEP_ON), lines)
         sim.advance(0.8)
         V = abs(sim.V[1])
         assert (V > 0.3) == alive, (model, V)

@@ -12,6 +12,7 @@ from stabctl.estimation._filter_bank import wrapped
 from stabctl.estimation._machine_model import QAxis, turn
 from stabctl.estimation.rotor_units import Terminals, rotor_units
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 
 RATE = 60
@@ -19,7 +20,7 @@ RATE = 60
 
 def looked_at(point, events, until, rate=RATE):
     """Known machines, and (E'', I on the machine base, angle, speed) at every frame, without noise."""
-    simulation, known = Simulation(point, events, record=False), rotor_units(point)
+    simulation, known = Simulation(setup(point), events, record=False), rotor_units(point)
     terminals, rows = Terminals(simulation), []
     for k in range(round(until * rate)):
         simulation.advance(k / rate)
@@ -38,7 +39,7 @@ def at_rest(point):
 def test_power_at_the_terminals_is_that_of_the_load_flow(study):
     for name in ("two_area", "ieee39 classical"):
         point = study(name)[0]
-        V, I = Terminals(Simulation(point)).phasors(point.V)
+        V, I = Terminals(Simulation(setup(point))).phasors(point.V)
         assert np.abs(V * I.conj() - point.flow.S).max() < 1e-9  # 7e-12
 
 

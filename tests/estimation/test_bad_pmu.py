@@ -12,6 +12,7 @@ from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import BadPmu, Instrument, Pmu
 from stabctl.estimation.rotor_units import Terminals
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulate import simulate
 from stabctl.simulation.simulation import Simulation
 
@@ -96,7 +97,7 @@ def stable_after(cycles, *bad):
 def test_no_false_alarm(points, name, minutes):
     """Six seeds, an hour of frames of two_area in all (216,000); T of a good PMU is beyond 40 once in 5e8 frames."""
     point, seeds, pmu = points(name), 6, Pmu()
-    simulation, network = Simulation(point), NetworkModel(point)
+    simulation, network = Simulation(setup(point)), NetworkModel(point)
     V, I = Terminals(simulation).phasors(point.V)
     others = network.other_currents(point.V, I, simulation.switching)
     instrument = Instrument(pmu, range(seeds), len(V), 60.0)

@@ -9,6 +9,7 @@ from stabctl.estimation._swing import Governors, Tuning
 from stabctl.estimation.estimators import Filtered
 from stabctl.estimation.pmu import Frame, Pmu
 from stabctl.estimation.rotor_units import Terminals, rotor_units
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 
 PMU, TUNING = Pmu(angle=3e-3, magnitude=2e-3), Tuning(walk=0.005, share=0.02)
@@ -21,7 +22,7 @@ def classical(cases):
 
 def frames(point, turns, received):
     """Reports in which every current is turned by an angle (rad), so that powers and their variances differ."""
-    V, I = (phasor[None, :] for phasor in Terminals(Simulation(point)).phasors(point.V))
+    V, I = (phasor[None, :] for phasor in Terminals(Simulation(setup(point))).phasors(point.V))
     zero = np.zeros(V.shape)
     return [
         Frame(V, I * np.exp(1j * turn), zero, zero, np.array([here]), zero)
@@ -64,7 +65,7 @@ def test_the_variance_of_the_power_is_the_mean_of_two_reports_and_held_while_non
 @pytest.mark.parametrize("filter_class", ["none", "M"])
 def test_the_compiled_filters_are_those_of_filterpy(points, filter_class):
     point, pmu, random = points("two_area"), Pmu(filter_class=filter_class), np.random.default_rng(1)
-    known, V, I = rotor_units(point), *Terminals(Simulation(point)).phasors(point.V)
+    known, V, I = rotor_units(point), *Terminals(Simulation(setup(point))).phasors(point.V)
     banks = [Filtered(known, pmu, swing=True, engine=engine) for engine in ("filterpy", "batched")]
     zero = np.zeros((2, 4))
     for k in range(90):

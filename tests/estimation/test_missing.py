@@ -10,6 +10,7 @@ from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
 from stabctl.estimation.rotor_units import Terminals
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 
 FAULTS = {"two_area": Contingency("7", "6cyc", "7-8"), "ieee39": Contingency("16", "6cyc", "16-17")}
@@ -19,7 +20,7 @@ FAULTS = {"two_area": Contingency("7", "6cyc", "7-8"), "ieee39": Contingency("16
 @pytest.mark.parametrize("at", [0.5, 1.05, 1.5])
 def test_the_network_gives_the_phasors_of_missing_machines_exactly(points, name, at):
     point = points(name)
-    simulation, network = Simulation(point, FAULTS[name]), NetworkModel(point)
+    simulation, network = Simulation(setup(point), FAULTS[name]), NetworkModel(point)
     simulation.advance(at)
     V, I = Terminals(simulation).phasors(simulation.V)
     others = network.other_currents(simulation.V, I, simulation.switching)
@@ -32,7 +33,7 @@ def test_the_network_gives_the_phasors_of_missing_machines_exactly(points, name,
 
 def test_parts_add_up_and_more_unknowns_than_reports_have_no_answer(points):
     point = points("two_area")
-    simulation, network = Simulation(point), NetworkModel(point)
+    simulation, network = Simulation(setup(point)), NetworkModel(point)
     V, I = Terminals(simulation).phasors(point.V)
     others = network.other_currents(point.V, I, simulation.switching)
     known = np.array([True, True, True, False])

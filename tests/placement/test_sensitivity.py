@@ -11,6 +11,7 @@ from stabctl.dynamics import operating_point
 from stabctl.model.tables import Storage
 from stabctl.placement.sensitivity import sensitivity
 from stabctl.simulation.events import Fault, LoadStep, Open, TripMachine
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.timeline import timeline
 from stabctl.smallsignal import linearize, nonlinear
@@ -50,7 +51,7 @@ def test_the_simulator_moves_so_in_its_first_step_after_a_line_has_opened(cases,
     found = sensitivity(p, [(9, 29)], _switched(case, opened))
 
     def speeds(order):
-        s = Simulation(p, [opened], step=h)
+        s = Simulation(setup(p, step=h), [opened])
         s.orders[:] = order
         s.advance(h)
         return s.finish().speed[-1]

@@ -20,6 +20,7 @@ from stabctl.simulation import _buffers, _newton, _voltages, method, stepper
 from stabctl.simulation._buffers import NOTE, buffers
 from stabctl.simulation._substitution import forward
 from stabctl.simulation.method import Method
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.topology import stage
 from stabctl.simulation.wired import Wired, wired
@@ -80,7 +81,7 @@ def orders() -> dict[str, np.ndarray]:
                 if hasattr(module, constant):
                     setattr(module, constant, value)
         for step in (1 / 80, 1 / 160, 1 / 1280):
-            simulation = Simulation(point, "7:+200MW@0s", step=step, criterion=KEEP_ON)
+            simulation = Simulation(setup(point, step=step, criterion=KEEP_ON), "7:+200MW@0s")
             simulation.advance(0.5)
             found[f"{name} {round(1 / step)}"] = simulation.angle.copy()
     return found

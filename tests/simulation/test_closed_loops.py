@@ -12,8 +12,7 @@ import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.dynamics.operating_point import initialize
 from stabctl.simulation import closed
-from stabctl.simulation.control import acting
-from stabctl.simulation.simulation import Simulation
+from stabctl.simulation.setup import setup
 
 NONE = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))
 
@@ -23,8 +22,7 @@ def stored(points, name, storage="50MW"):
 
 
 def loop_of(point, *controls):
-    parts = acting(list(controls))
-    return Simulation(point, None, parts.law, parts.controllers).loop
+    return setup(point, controls).closed.fastest
 
 
 def lead(machine, gain, seconds=0.005):
@@ -216,7 +214,7 @@ def test_the_eigenvalue_that_grows_is_the_rightmost(points, gain):
     point, law = stored(points, "two_area", "70MW"), st.Feedback(gain, min_voltage=0.0)
     last = np.linalg.eigvals(point.closed_loop(*law.controllers(point.case)).A)
     last = last[last.real.argmax()]
-    _, growing = Simulation(point, None, law)._closed
+    _, growing = setup(point, law).closed
     assert (growing is not None) == (last.real > closed.GROWING) == (gain < 0)
     if growing is not None:
         assert growing.real == pytest.approx(last.real, rel=1e-8)

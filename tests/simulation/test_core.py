@@ -16,6 +16,7 @@ from stabctl.simulation import stepper
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import Clear, Fault, Open, TripMachine
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation, run
 
 
@@ -63,7 +64,7 @@ def test_a_load_threshold_above_the_voltage_is_refused(two_area):
 
 def test_the_last_row_of_a_ramp_continues_it_and_finish_is_once(two_area):
     case = two_area.with_storage([Storage(1, 5, 50.0, ramp=50.0)])
-    simulation = Simulation(operating_point.solve(case))
+    simulation = Simulation(setup(operating_point.solve(case)))
     simulation.orders[:] = 1
     simulation.advance(0.3)
     first, again = simulation.finish(), simulation.finish()
@@ -74,14 +75,14 @@ def test_the_last_row_of_a_ramp_continues_it_and_finish_is_once(two_area):
 
 def test_orders_from_outside_are_limited_and_checked(two_area):
     point = operating_point.solve(two_area.with_storage(fleet.everywhere(two_area, "50MW")))
-    simulation = Simulation(point, [Open("1-5", 0.1)])
+    simulation = Simulation(setup(point), [Open("1-5", 0.1)])
     simulation.orders[:] = 5
     simulation.advance(0.3)
     assert simulation.finish().arrays.storage.max() == pytest.approx(50, rel=1e-9)
     assert simulation.finish().arrays.storage[-1, 0] == pytest.approx(
         50, rel=1e-9
     )  # its machine is alone, the order stays
-    simulation = Simulation(point)
+    simulation = Simulation(setup(point))
     simulation.orders[0] = np.nan
     with pytest.raises(StudyError, match="not finite"):
         simulation.advance(0.1)
@@ -162,7 +163,7 @@ def test_results_cannot_be_written(two_area):
 
 def test_voltages_now_are_those_of_the_row_now(two_area):
     point = operating_point.solve(two_area)
-    simulation = Simulation(point, [Fault("7", 0.5), Clear("7", 0.6)])
+    simulation = Simulation(setup(point), [Fault("7", 0.5), Clear("7", 0.6)])
     simulation.advance(0.5)
     during = simulation.V
     assert abs(during[6]) < 1e-4

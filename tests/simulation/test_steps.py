@@ -21,6 +21,7 @@ from stabctl.simulation.events import (
     LoadStep,
     Open,
 )
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation, run
 
 
@@ -48,7 +49,7 @@ class TestTime:
     def test_an_interval_at_a_time_equals_one_run(self, two_area):
         events = Contingency("7", 8 / 60, ["7-8"], at=0.5)
         whole = run(two_area, events, 2.0, step=1 / 120)
-        sim = Simulation(two_area, events, step=1 / 120)
+        sim = Simulation(setup(two_area, step=1 / 120), events)
         for k in range(1, 61):
             assert sim.advance(k / 30)
         pieces = sim.finish()
@@ -56,7 +57,7 @@ class TestTime:
         assert np.abs(whole.arrays.speed - pieces.arrays.speed).max() < 1e-7
         quiet = replace(two_area.case, loads=tuple(d._replace(p_current=0.0) for d in two_area.case.loads))
         point = operating_point.solve(quiet)
-        whole, sim = run(point, events, 2.0, step=1 / 120), Simulation(point, events, step=1 / 120)
+        whole, sim = run(point, events, 2.0, step=1 / 120), Simulation(setup(point, step=1 / 120), events)
         for k in range(1, 61):
             sim.advance(k / 30)
         assert np.abs(whole.arrays.speed - sim.finish().arrays.speed).max() < 1e-11

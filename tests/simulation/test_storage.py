@@ -10,6 +10,7 @@ from systems import KINDS, small
 from stabctl.dynamics import operating_point
 from stabctl.model.tables import Storage
 from stabctl.simulation.criterion import Criterion
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 
 KEEP_ON = Criterion(max_angle=np.inf)
@@ -81,7 +82,7 @@ def test_full_and_empty_stop_only_the_direction_that_goes_on():
 def driven(orders, until=2.0, step=1 / 100, **options):
     """A run with orders set from outside: {time: order}. Device of machine 1, 40 MW, at bus 2."""
     case = small(KINDS["sexs, pss, steam"]).with_storage([Storage(1, 2, 40.0, **options)])
-    sim = Simulation(operating_point.solve(case), step=step, criterion=KEEP_ON)
+    sim = Simulation(setup(operating_point.solve(case), step=step, criterion=KEEP_ON))
     for t, order in orders.items():
         assert sim.advance(t)
         sim.orders[0] = order

@@ -14,6 +14,7 @@ from stabctl.model.tables import Storage
 from stabctl.simulation import simulation
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import Clear, Fault, Open, TripMachine
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulate import simulate
 
 KEEP_ON = Criterion(max_angle=np.inf)
@@ -166,7 +167,7 @@ def test_a_run_whose_storage_gets_no_orders_says_so_when_it_is_printed(points):
     orders = Controller(("deviation:1",), ("order:1",), *(np.zeros(one) for one in ((0, 0), (0, 1), (1, 0))), [[9.0]])
     for storage, control in (("50MW", BangBang()), ("50MW", orders), ("0MW", None), (None, None)):
         assert said not in str(simulate(point, None, 0.1, storage=storage, control=control))
-    by_hand = simulation.Simulation(operating_point.solve(point.case.with_storage("50MW")))
+    by_hand = simulation.Simulation(setup(operating_point.solve(point.case.with_storage("50MW"))))
     by_hand.advance(0.1)
     assert said not in str(by_hand.finish())
 

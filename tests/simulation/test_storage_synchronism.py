@@ -7,6 +7,7 @@ from systems import KINDS, small
 import stabctl as st
 from stabctl.model.tables import Storage
 from stabctl.simulation.events import Clear, Fault, Open
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 
 LOSS = "2:+600MW@0.1s"  # falls by 0.9 Hz/s
@@ -58,7 +59,7 @@ def test_a_device_of_zero_size_is_not_judged():
 def held(seconds, order, **options):
     """A grid-forming device that gets an order through a fault at its own bus."""
     point = st.initialize(with_esd("regfm", p=0.0, **options))
-    sim = Simulation(point, [Fault("2", 0.2), Clear("2", 0.2 + seconds)])
+    sim = Simulation(setup(point), [Fault("2", 0.2), Clear("2", 0.2 + seconds)])
     sim.advance(0.1)
     sim.orders[:] = order
     sim.advance(4.0)
@@ -78,7 +79,7 @@ def test_a_virtual_angle_that_runs_ahead_in_a_long_fault_has_lost_synchronism():
 def test_an_island_that_only_storage_holds_has_no_center_to_slip_from():
     case = with_esd("regfm", mw=300.0, p=0.0)
     lines = [Open("2-3", 0.2), Open("2-3#2", 0.2), Open("1-2", 0.2)]
-    run = Simulation(st.initialize(case), lines)
+    run = Simulation(setup(st.initialize(case)), lines)
     run.advance(3.0)
     assert "lost synchronism" not in str(run.finish().outcome)
 

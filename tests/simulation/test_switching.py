@@ -11,6 +11,7 @@ from stabctl.simulation import simulation
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import Clear, Fault
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.steps import STEP
 
@@ -61,7 +62,7 @@ def test_a_device_that_fills_or_empties_within_a_step_stops_there(order):
     instant += 0.3 / 120
 
     def run(point, end):
-        made = Simulation(point, [Fault("2", 0.05), Clear("2", 0.08)], criterion=KEEP_ON)
+        made = Simulation(setup(point, criterion=KEEP_ON), [Fault("2", 0.05), Clear("2", 0.08)])
         made.advance(0.1 + 0.3 / 120)
         made.orders[:] = order
         made.advance(end)
@@ -84,7 +85,7 @@ def test_two_devices_that_stop_within_a_step_stop_one_after_the_other(later):
     limited, free = (operating_point.solve(case.with_storage(s)) for s in (small_stores, sites))
 
     def run(point):
-        made = Simulation(point, [Fault("2", 0.05), Clear("2", 0.08)], criterion=KEEP_ON)
+        made = Simulation(setup(point, criterion=KEEP_ON), [Fault("2", 0.05), Clear("2", 0.08)])
         begin = 0.1 + 0.3 / 120
         made.advance(begin)
         made.orders[:] = -1.0

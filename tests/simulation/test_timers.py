@@ -13,6 +13,7 @@ from stabctl.dynamics.operating_point import initialize
 from stabctl.simulation._judgment import time_beyond
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation, run
 
 
@@ -83,7 +84,7 @@ def test_the_delay_of_the_frequency_is_timed_from_the_crossing(cases, hz):
     rules = {"min_frequency": 0.9, "max_frequency": 1.001, "frequency_delay_s": 0.33}
     instants = []
     for step in (1 / 37, 1 / 100, 1 / 1000):
-        found = Simulation(point, ["9:-600MW@0.1s"], step=step, criterion=Criterion(**rules))
+        found = Simulation(setup(point, step=step, criterion=Criterion(**rules)), ["9:-600MW@0.1s"])
         found.advance(3.0)
         ran = found.finish()
         assert ran.outcome.kind == "frequency_instability"

@@ -12,7 +12,7 @@ from stabctl._util.errors import StabctlError
 from stabctl.design.lqg import _reduced, _Scales
 from stabctl.design.quadratic import Weights
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, chosen
-from stabctl.simulation.simulation import Simulation
+from stabctl.simulation.setup import setup
 from stabctl.smallsignal import descriptor
 from stabctl.smallsignal.analysis import analyze
 
@@ -93,7 +93,7 @@ def test_a_late_loop_has_the_roots_of_both(points):
 
 def test_the_loop_of_a_run_is_the_same(points):
     law = LAWS["speed"]
-    fastest = [Simulation(point, None, law).loop for point in points]
+    fastest = [setup(point, law).closed.fastest for point in points]
     assert fastest[0] == pytest.approx(max(fastest[1:]), rel=1e-9)
 
 

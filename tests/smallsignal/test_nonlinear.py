@@ -8,6 +8,7 @@ from systems import ROUND, SEXS, small
 from stabctl.dynamics import operating_point
 from stabctl.model.tables import Storage
 from stabctl.simulation.events import LoadStep
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation, run
 from stabctl.smallsignal import linearize, nonlinear
 
@@ -38,7 +39,7 @@ def test_storage_order_simulated_and_linear(point):
     model = linearize(p, ["order:1"], ["speed", "rest_speed:1"])
 
     def difference(share):
-        s = Simulation(p, step=1 / 480)
+        s = Simulation(setup(p, step=1 / 480))
         s.orders[:] = share
         s.advance(4.0)
         t = s.finish()

@@ -139,12 +139,11 @@ def storage(case: Case, buses: np.ndarray, machines: np.ndarray, rows: Iterable[
 
     On the side away from the bus if it is free, otherwise turned to the nearest free place, or to where most room is.
     """
-    bus = {b.bus: i for i, b in enumerate(case.buses)}
     symbols = [*((x, BUS) for x in buses), *((x, MACHINE) for x in machines)]
     X, room = np.array([x for x, _ in symbols]), np.array([r for _, r in symbols])
     found: list[np.ndarray] = []
     for i in rows:
-        away = machines[i] - buses[bus[case.machines[i].bus]]
+        away = machines[i] - buses[case.row_of_bus[case.machines[i].bus]]
         angles = np.arctan2(away[1], away[0]) + TURNS
         tried = machines[i] + STORED * np.stack([np.cos(angles), np.sin(angles)], axis=1)
         others, needed = np.r_[X, np.reshape(found, (-1, 2))], np.r_[room, np.full(len(found), SQUARE)]

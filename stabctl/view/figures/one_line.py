@@ -161,7 +161,7 @@ def _symbols(ax: "Axes", line: OneLine, point: float, *, bare: bool) -> None:
 
 def _stubs(line: OneLine) -> list[tuple[np.ndarray, np.ndarray]]:
     """Both ends of the line from every machine to its bus."""
-    place = {b.bus: i for i, b in enumerate(line.case.buses)}
+    place = line.case.row_of_bus
     return [(line.buses[place[m.bus]], at) for m, at in zip(line.case.machines, line.machines, strict=True)]
 
 

@@ -186,11 +186,10 @@ def _signal(run: Trajectory, signal: str, machines: Sequence[int | str] | None) 
         devices = zip(case.storage, run.devices(), run.arrays.storage.T, strict=True)
         owners = [(case.machine(s.machine).called, f"storage {name}", column) for s, name, column in devices]
     else:
-        column_of = {b.bus: k for k, b in enumerate(case.buses)}
         values = {
             "speed": lambda: np.where(run.on, run.arrays.speed * case.frequency_hz, np.nan),
             "angle": lambda: run.angle_from_coi_deg,
-            "voltage": lambda: np.abs(run.arrays.V[:, [column_of[m.storage_bus] for m in case.machines]]),
+            "voltage": lambda: np.abs(run.arrays.V[:, [case.row_of_bus[m.storage_bus] for m in case.machines]]),
             "power": lambda: run.arrays.P,
         }[signal]()
         name = "bus {0.storage_bus}" if signal == "voltage" else "machine {0.called}"

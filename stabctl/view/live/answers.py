@@ -84,8 +84,7 @@ def _arrays(run: Trajectory, signals: tuple[str, ...]) -> Arrays:
         elif name == "angle":
             found[name] = angle
         elif name == "voltage":
-            row = {b.bus: i for i, b in enumerate(case.buses)}
-            found[name] = size[:, [row[m.storage_bus] for m in case.machines]]
+            found[name] = size[:, [case.row_of_bus[m.storage_bus] for m in case.machines]]
         elif name == "storage":
             found[name] = a.storage
         else:

@@ -61,8 +61,7 @@ def about(points: Points) -> dict[str, Any]:
     """What the page knows of the case: the diagram, names, gains, and the colors of all figures."""
     case, start = points.case, points.bare(State())
     drawn, found = one_line(start), lines(case)
-    row = {b.bus: i for i, b in enumerate(case.buses)}
-    unit = {m.machine: i for i, m in enumerate(case.machines)}
+    row, unit = case.row_of_bus, {m.machine: i for i, m in enumerate(case.machines)}
     fault = f"{found.screened[0]}@0.5" if found.screened else str(case.buses[0].bus)
     return {
         "name": case.name,

@@ -1,0 +1,89 @@
+"""What the runs of a system under one control share: everything but their events.
+
+An operating point with its control is connected for the stepper once, and so is each network that events lead to.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.program import Program
+from stabctl.model.network import Switching
+
+from . import closed, steps
+from ._places import Places
+from .attached import Attached, attached
+from .control import Acting, Control, acting
+from .criterion import DEFAULT, Criterion, numbers, with_frequency
+from .stages import constants
+from .topology import Stage, stage
+from .wired import Wired, wired
+
+
+class Connected(NamedTuple):
+    """The system on one network, for the stepper."""
+
+    network: Stage
+    program: Program
+    places: Places
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """An operating point with its control, the step and the criterion of its runs; made by `setup`."""
+
+    point: OperatingPoint  # with sensors and states of the controllers
+    parts: Acting  # of the control
+    attached: Attached
+    wired: Wired
+    closed: closed.Eigenvalues  # of the loop that the control closes
+    step: float  # s   largest time step
+    criterion: Criterion
+    rules: Any  # the criterion as numbers
+    places: Places
+    _on: dict[Switching, Connected] = field(default_factory=dict, repr=False)
+
+    def on(self, switching: Switching) -> Connected:
+        """The system on the network after some events."""
+        if switching not in self._on:
+            network, program, places = stage(self.point, switching), self.wired.program, self.places
+            if network.constants:
+                program = program._replace(k=constants(self.wired, network, program.k))
+            if self.criterion.coi == "machines":
+                places = places._replace(weight=self.point.rotors.of_machines(network.net.island))
+            self._on[switching] = Connected(network, program, places)
+        return self._on[switching]
+
+
+def setup(
+    point: OperatingPoint, control: Control = None, *, step: float | None = None, criterion: Criterion = DEFAULT
+) -> Setup:
+    """An operating point with its control, connected for the stepper.
+
+    Parameters
+    ----------
+    point : OperatingPoint
+        Where runs start.
+    control : control law, Controller, list of them, or None
+        Control of the storage devices, and controllers; without a law, orders are set in `Simulation.orders`.
+    step : float, s, optional
+        Largest time step; by default what the fastest eigenvalue allows.
+    criterion : Criterion
+        When a run counts as unstable and ends.
+
+    Raises
+    ------
+    StudyError
+        If the control or the step is not possible.
+    """
+    parts = acting(control)
+    given = attached(point, parts.controllers, parts.measured)
+    system = wired(given.point, parts.law, given.rates, given.gates)
+    loop = closed.eigenvalues(given, parts.law, system)
+    longest = parts.law.step if parts.law else steps.STEP
+    own = steps.checked(given.point, step, loop.fastest, longest)
+    judged = np.asarray(with_frequency(criterion, given.point.system))
+    places = system.places._replace(judged=judged)
+    return Setup(given.point, parts, given, system, loop, own, criterion, numbers(criterion), places)
