@@ -53,6 +53,7 @@ bench: .venv/bench  ## measure speed on this machine, of other programs and of v
 	$(BIN)/python benchmarks/tuning.py
 	$(BIN)/python benchmarks/placement.py
 	$(BIN)/python benchmarks/peers.py
+	$(BIN)/python benchmarks/equal_accuracy.py
 	$(BIN)/python benchmarks/before.py
 	$(BIN)/python benchmarks/growth.py
 	$(BIN)/python benchmarks/caches.py

@@ -28,9 +28,13 @@ class Answer(NamedTuple):
     speed: np.ndarray  # (time, machines) pu
 
 
-def classical() -> Case:
-    """Classical machines without stator resistance, which not every tool has, with TGOV1; loads as admittances."""
-    case = io.load("two_area").classical()
+def classical(case: Case | None = None) -> Case:
+    """Classical machines without stator resistance, and lines without taps, which not every tool has, with TGOV1.
+
+    Loads are admittances.
+    """
+    case = _without_links(case or io.load("two_area")).classical()
+    case = replace(case, branches=tuple(k._replace(tap=1.0, phase=0.0) for k in case.branches))
     rows = {number: par._replace(ra=0.0) for number, par in case.devices["gencls"].items()}
     return _loads_fixed(_governed(replace(case, devices={"gencls": rows})))
 
@@ -42,12 +46,20 @@ def fault_bus(case: Case) -> int:
 
 def full(case: Case) -> Case:
     """GENROU with SEXS and TGOV1, loads as admittances."""
+    case = _without_links(case)
     exciters = {m.machine: sexs.Par(0.0, KA, TE, Efdmax=EMAX, Efdmin=-EMAX) for m in case.machines}
     kept = {"genrou": dict(case.devices["genrou"]), "sexs": exciters}
-    ends = [(k.from_bus, k.p) for k in case.links] + [(k.to_bus, k.loss - k.p) for k in case.links]
-    loads = *case.loads, *(Load(bus, p, 0.0) for bus, p in ends)  # HVDC terminals
-    case = replace(case, loads=loads, links=())
     return _loads_fixed(_governed(replace(case, devices=kept)))
+
+
+def constant_power(case: Case) -> Case:
+    """The case with loads of constant power."""
+    return _with_loads(case, 1.0)
+
+
+def fault_x(case: Case) -> float:
+    """Reactance of the fault, pu: with constant power one that leaves enough voltage for a load to be one."""
+    return 0.4 if any(k.p_power for k in case.loads) else FAULT_X
 
 
 def produced(case: Case) -> np.ndarray:
@@ -69,5 +81,16 @@ def _governed(case: Case) -> Case:
 
 
 def _loads_fixed(case: Case) -> Case:
-    shares = dict.fromkeys(("p_current", "p_power", "q_current", "q_power"), 0.0)
+    return _with_loads(case, 0.0)
+
+
+def _with_loads(case: Case, power: float) -> Case:
+    """The case with a share of constant power in its loads, and the rest as admittances."""
+    shares = {"p_current": 0.0, "q_current": 0.0, "p_power": power, "q_power": power}
     return replace(case, loads=tuple(k._replace(**shares) for k in case.loads))
+
+
+def _without_links(case: Case) -> Case:
+    """The case with loads in place of HVDC terminals."""
+    ends = [(k.from_bus, k.p) for k in case.links] + [(k.to_bus, k.loss - k.p) for k in case.links]
+    return replace(case, loads=(*case.loads, *(Load(bus, p, 0.0) for bus, p in ends)), links=())

@@ -9,7 +9,6 @@ from common import (
     EMAX,
     FAULT_OFF,
     FAULT_ON,
-    FAULT_X,
     KA,
     STEP,
     T1,
@@ -19,6 +18,7 @@ from common import (
     UNTIL,
     Answer,
     fault_bus,
+    fault_x,
 )
 
 from stabctl.model.case import Case
@@ -95,6 +95,9 @@ def system(case: Case, folder: str, fault: bool = True, step: float = STEP) -> a
         ss.add("Line", ends | {"Sn": mva, "fn": hz, "r": k.r, "x": k.x, "b": k.b, "tap": k.tap, "phi": 0.0})
     for k in case.loads:
         ss.add("PQ", {"bus": k.bus, "Vn": volts[k.bus], "p0": k.p / mva, "q0": k.q / mva})
+    if case.loads[0].p_power:
+        for shares in (("p2p", 1.0), ("p2z", 0.0), ("q2q", 1.0), ("q2z", 0.0)):
+            setattr(ss.PQ.config, *shares)
     full = "genrou" in case.devices
     for m in case.machines:
         bus = kinds[m.bus]
@@ -114,7 +117,7 @@ def system(case: Case, folder: str, fault: bool = True, step: float = STEP) -> a
             ss.add("GENCLS", own | {"D": par.D, "xd1": par.x1d, "ra": par.ra})
         ss.add("TGOV1", {"syn": name, "R": DROOP, "VMAX": 1.0, "VMIN": 0.0, "T1": T1, "T2": T2, "T3": T3, "Dt": 0.0})
     if fault:
-        ss.add("Fault", {"bus": fault_bus(case), "tf": FAULT_ON, "tc": FAULT_OFF, "xf": FAULT_X, "rf": 0.0})
+        ss.add("Fault", {"bus": fault_bus(case), "tf": FAULT_ON, "tc": FAULT_OFF, "xf": fault_x(case), "rf": 0.0})
     ss.setup()
     for name, value in {"tf": UNTIL, "tstep": step, "fixt": 1, "shrinkt": 0, "criteria": 0, "no_tqdm": 1}.items():
         setattr(ss.TDS.config, name, value)

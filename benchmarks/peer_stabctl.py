@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
-from common import FAULT_OFF, FAULT_ON, FAULT_X, STEP, UNTIL, Answer, fault_bus
+from common import FAULT_OFF, FAULT_ON, STEP, UNTIL, Answer, fault_bus, fault_x
 
 from stabctl.dynamics import operating_point
 from stabctl.model import powerflow
@@ -19,7 +19,7 @@ def works(case: Case, step: float = STEP) -> tuple[dict[str, Callable[[], Callab
     """The three works, each set up by a call, and the answer of the last of each."""
     flow, kept = powerflow.solve(case), {}
     bus = str(fault_bus(case))
-    events = [Fault(bus, FAULT_ON, 1j * FAULT_X), Clear(bus, FAULT_OFF)]
+    events = [Fault(bus, FAULT_ON, 1j * fault_x(case)), Clear(bus, FAULT_OFF)]
 
     def motion() -> Callable[[], None]:
         point = operating_point.solve(case, flow)

@@ -13,7 +13,7 @@ from stabctl.model.case import Case
 METHOD = "RK4"
 
 
-def works(case: Case) -> tuple[dict[str, Callable[[], Callable[[], object]]], Callable[[], Answer]]:
+def works(case: Case, step: float = STEP) -> tuple[dict[str, Callable[[], Callable[[], object]]], Callable[[], Answer]]:
     """The three works, each set up by a call, and the answer of the last of each."""
     kept: dict[str, object] = {}
 
@@ -24,7 +24,7 @@ def works(case: Case) -> tuple[dict[str, Callable[[], Callable[[], object]]], Ca
     def motion() -> Callable[[], None]:
         ps = system(case)
         ps.init_dyn_sim()
-        return lambda: kept.update(run=simulated(ps, fault_bus(case)))
+        return lambda: kept.update(run=simulated(ps, fault_bus(case), step))
 
     def eigenvalues() -> Callable[[], None]:
         ps = system(case)
@@ -33,24 +33,25 @@ def works(case: Case) -> tuple[dict[str, Callable[[], Callable[[], object]]], Ca
         return kept["modes"].eigenvalue_decomposition
 
     def answer() -> Answer:
-        return Answer(kept["flow"].v_0, kept["modes"].eigs, *kept["run"])
+        V = kept["flow"].v_0 if "flow" in kept else np.zeros(0)
+        return Answer(V, kept["modes"].eigs if "modes" in kept else np.zeros(0), *kept["run"])
 
     linear = {"linearization and eigenvalues": eigenvalues, "eigenvalues": eigenvalues}
     return {"power flow": flow, "10 s": motion} | linear, answer
 
 
-def simulated(ps: PowerSystemModel, bus: int) -> tuple[np.ndarray, np.ndarray]:
+def simulated(ps: PowerSystemModel, bus: int, step: float = STEP) -> tuple[np.ndarray, np.ndarray]:
     """Times and speeds under a fault at a bus."""
     place = list(ps.buses["name"]).index(f"B{bus}")
     speeds, rows = ps.gen["GEN"].state_idx_global["speed"], []
-    solver = SimpleRK4(ps.ode_fun, 0, ps.x0.copy(), UNTIL, max_step=STEP)
-    steps, on, off = (round(t / STEP) for t in (UNTIL, FAULT_ON, FAULT_OFF))
+    solver = SimpleRK4(ps.ode_fun, 0, ps.x0.copy(), UNTIL, max_step=step)
+    steps, on, off = (round(t / step) for t in (UNTIL, FAULT_ON, FAULT_OFF))
     for k in range(steps):
         if k in (on, off):
             ps.y_bus_red_mod[place, place] = 1 / (1j * FAULT_X) if k == on else 0
         rows.append(1 + solver.x[speeds])
         solver.step()
-    return STEP * np.arange(steps), np.array(rows)
+    return step * np.arange(steps), np.array(rows)
 
 
 def system(case: Case) -> PowerSystemModel:

@@ -5,11 +5,7 @@ a linearization with all its eigenvalues; they do not include building the tool'
 ANDES evaluates its derivatives during initialization: `eigenvalues` leaves them out in ANDES, but not in stabctl and
 TOPS; `linearization and eigenvalues` evaluates them in all three. Processor seconds.
 
-`accuracy` is ten seconds at equal accuracy: every program has a solution with fine steps of its own, from which the
-speeds with longer steps differ by some error; stabctl takes the longest step with which its error is not larger than
-that of the other program.
-
-Run: python benchmarks/peers.py [--only two_area wnaps flow accuracy]
+Run: python benchmarks/peers.py [--only two_area wnaps flow]
 """
 
 import os
@@ -27,10 +23,8 @@ import warnings
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
-from functools import partial
 from io import StringIO
 from pathlib import Path
-from typing import Any
 
 import common
 import numpy as np
@@ -42,25 +36,13 @@ from rich.console import Console
 from rich.table import Table
 
 from stabctl import load, read_matpower
-from stabctl._util.errors import StudyError
-from stabctl.model.case import Case
 from stabctl.model.replicate import replicate
 
 ROUNDS = 9
 COPIES = 10  # of a case of 200 buses
 LINEAR = ("linearization and eigenvalues", "eigenvalues")
 WORKS = ("power flow", "10 s", *LINEAR)
-GROUPS = ("two_area", "wnaps", "flow", "accuracy")
-FINE = 1 / 960  # s   step of the solutions that errors are measured against
-COARSE = (1 / 120, 1 / 30)  # s   steps of the other program
-OWN = tuple(1 / n for n in (20, 30, 40, 60, 80, 120, 160, 240, 480))  # s   steps of stabctl that are tried
-INSTANTS = np.arange(0, common.UNTIL - 0.05, 0.1)  # s   on the grid of every step
-ROUNDS_SLOW = 3
-SYSTEMS: dict[str, Callable[[], Case]] = {
-    "two_area": lambda: common.full(load("two_area")),
-    "wnaps": lambda: common.full(load("wnaps")),
-    "case_ACTIVSg200, ten times": lambda: common.full(replicate(read_matpower(GIVEN), COPIES).with_typical_machines()),
-}
+GROUPS = ("two_area", "wnaps", "flow")
 Tool = tuple[dict[str, Callable[[], Callable[[], object]]], Callable[[], Answer], str]
 
 
@@ -162,7 +144,9 @@ def flows(console: Console) -> None:
                 try:
                     tools[name] = read(path)
                 except ImportError as error:
-                    console.print(f"{name} is left out: {error}; install it with pip install 'stabctl[bench]'.")
+                    console.print(
+                        f"{name} is left out: {error}; install it with pip install 'stabctl[bench]'.", markup=False
+                    )
             times: dict[str, list[float]] = {}
             for _ in range(ROUNDS + 1):
                 for name, (run, _) in tools.items():
@@ -176,57 +160,6 @@ def flows(console: Console) -> None:
     console.print(table)
 
 
-def accuracy(console: Console) -> None:
-    """Ten seconds of three systems at equal accuracy in stabctl and ANDES."""
-    own, andes = peer("stabctl"), peer("andes")
-    if not andes:
-        return
-    console.print(f"10 s at equal accuracy; {stated()}")
-    with tempfile.TemporaryDirectory() as folder, redirect_stdout(StringIO()):
-        andes.empty(folder)
-        for name, case in SYSTEMS.items():
-            given = case()
-            theirs = partial(stepped, lambda step, given=given: andes.works(given, folder, step))
-            mine = partial(stepped, lambda step, given=given: own.works(given, step))
-            fine_theirs, fine_mine = theirs(FINE)[0], mine(FINE)[0]
-            for step in COARSE:
-                speed, seconds = theirs(step, ROUNDS_SLOW)
-                off = error(speed, fine_theirs)
-                own_step = next((h for h in OWN if missed(mine, h, fine_mine) <= off), OWN[-1])
-                speed, taken = mine(own_step, ROUNDS_SLOW)
-                console.print(
-                    f"{name}, {len(given.machines)} machines: ANDES 1/{1 / step:.0f} s, {off:.2g} mHz, "
-                    f"{seconds:.3g} s; stabctl 1/{1 / own_step:.0f} s, {error(speed, fine_mine):.2g} mHz, "
-                    f"{taken:.3g} s; ratio {seconds / taken:.3g}"
-                )
-
-
-def stepped(works: Callable[[float], Any], step: float, rounds: int = 1) -> tuple[np.ndarray, float]:
-    """Speeds (instants, machines) with a step, and the median of the processor seconds of a run, without set-up."""
-    tasks, answer = works(step)
-    times = []
-    for _ in range(rounds):
-        ready = tasks["10 s"]()
-        times.append(cpu(ready))
-    found = answer()
-    speed = np.column_stack([np.interp(INSTANTS, found.time, column) for column in found.speed.T])
-    return speed, statistics.median(times)
-
-
-def missed(run: Callable[[float], tuple[np.ndarray, float]], step: float, fine: np.ndarray) -> float:
-    """Largest error with a step, mHz; infinite if the step is refused as too long."""
-    try:
-        return error(run(step)[0], fine)
-    except StudyError:
-        return np.inf
-
-
-def error(speed: np.ndarray, fine: np.ndarray) -> float:
-    """Largest difference of two solutions, mHz; infinite if one is not finite."""
-    off = np.abs(speed - fine).max() * 60e3
-    return float(off) if np.isfinite(off) else np.inf
-
-
 def main() -> None:
     """Measure and print."""
     warnings.filterwarnings("ignore")
@@ -238,8 +171,6 @@ def main() -> None:
         flows(console)
     if {"two_area", "wnaps"} & set(options.only):
         systems(set(options.only), console)
-    if "accuracy" in options.only:
-        accuracy(console)
 
 
 if __name__ == "__main__":
