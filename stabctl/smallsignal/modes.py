@@ -187,6 +187,12 @@ class Modes:
         """Indices of the electromechanical modes, one of each pair, the slowest first."""
         return [int(k) for k in np.flatnonzero(self.electromechanical) if self.eigenvalues[k].imag > 0]
 
+    def least_damped(self) -> list[int]:
+        """Indices of the least damped oscillatory mode and, if that is another one, of the electromechanical one."""
+        groups = np.flatnonzero(self.eigenvalues.imag > 0), self.swings()
+        worst = (min(map(int, group), key=lambda k: self.damping_ratio[k], default=None) for group in groups)
+        return list(dict.fromkeys(k for k in worst if k is not None))
+
     def within(self, low_hz: float, high_hz: float) -> list[int]:
         """Indices of the oscillatory modes in a band of frequencies, one of each pair."""
         if not 0 <= low_hz <= high_hz:
@@ -239,12 +245,11 @@ class Modes:
         return (eliminated(self.linear) if isinstance(self.linear, Descriptor) else self.linear).to_control()
 
     def __str__(self) -> str:
-        worst = min(self.swings(), key=lambda k: self.damping_ratio[k], default=None)
         counts = counted(len(self), "eigenvalue"), counted(len(self.swings()), "electromechanical mode")
         text = f"{self.linear.point.case.name}: {', '.join(counts)}"
-        if worst is not None:
-            hz, ratio = self.frequency_hz[worst], round(self.damping_ratio[worst], 4) + 0.0
-            text += f"; least damped: {hz:.3f} Hz, damping ratio {ratio:.4f} ({self.label(worst)})"
+        for k, which in zip(self.least_damped(), ("least damped", "of the electromechanical ones"), strict=False):
+            hz, ratio = self.frequency_hz[k], round(self.damping_ratio[k], 4) + 0.0
+            text += f"; {which}: {hz:.3f} Hz, damping ratio {ratio:.4f} ({self.label(k)})"
         return text + ("." if self.stable else f"; the operating point is unstable: {self._fastest_growing()}.")
 
     def _fastest_growing(self) -> str:

@@ -47,7 +47,7 @@ def plot_modes(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
     ax = single(ax, *SIZE)
     upper = modes.eigenvalues.imag > 0
     real, hertz = modes.eigenvalues.real, modes.frequency_hz
-    swings = modes.swings() or [k for k in range(len(modes)) if upper[k]]
+    swings = [*(modes.swings() or upper.nonzero()[0]), *modes.least_damped()]
     left = min(-1.0, 1.25 * min(real[swings], default=-1.0))
     right = max(-0.08 * left, 1.5 * max(real[upper], default=0.0))
     top = 1.2 * max(hertz[swings], default=1.6)

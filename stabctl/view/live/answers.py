@@ -60,7 +60,7 @@ def run_answer(points: Points, state: State, load: commands.Source) -> bytes:
         "cleared": state.contingency.cleared(points.case),
         "until": UNTIL,
         "opened": list(map(str, state.contingency.placed(points.case).opened)),
-        "copy": commands.lines(load, points.case, state),
+        "copy": commands.lines(load, points.case, state)["run"],
         "simulated_ms": 1e3 * (ran - begun),
     }
     head["server_ms"] = 1e3 * (time.perf_counter() - begun)
@@ -158,9 +158,10 @@ def gains(case: Case) -> list[str]:
     return [f"{model}.{name}" for model in tables for name in fields(models()[model].Par) if name[0] == "K"]
 
 
-def critical(points: Points, state: State, tell: Tell) -> None:
+def critical(points: Points, state: State, load: commands.Source, tell: Tell) -> None:
     """The critical clearing time: the interval after every simulation, the answer, then a finer one."""
     point, low, high = points.of(state), 0.0, float("inf")
+    copy = {"copy": commands.lines(load, points.case, state)["critical"]}
 
     def ran(run: Run) -> None:
         nonlocal low, high
@@ -169,10 +170,10 @@ def critical(points: Points, state: State, tell: Tell) -> None:
 
     options: dict[str, Any] = {"control": state.control(points.case.frequency_hz), "progress": ran}
     found = clearing_time(point, state.contingency, **options)
-    tell(_answer(found))
+    tell(_answer(found) | copy)
     if found.status == "found":
         low, high = 0.0, float("inf")
-        tell(_answer(clearing_time(point, state.contingency, resolution=FINE, **options)))
+        tell(_answer(clearing_time(point, state.contingency, resolution=FINE, **options)) | copy)
 
 
 def _answer(found: ClearingTime) -> dict[str, Any]:
@@ -185,8 +186,9 @@ def _answer(found: ClearingTime) -> dict[str, Any]:
     }
 
 
-def landscape(points: Points, state: State, tell: Tell) -> None:
+def landscape(points: Points, state: State, load: commands.Source, tell: Tell) -> None:
     """Critical clearing times of faults at both ends of every line, those of a bus at a time."""
+    tell({"copy": commands.lines(load, points.case, state)["screen"]})
 
     def each(pairs: Sequence[ClearingTime]) -> None:
         rows = [[p.fault, p.trip[0], p.cycles, p.status, p.machine] for p in pairs]
@@ -218,6 +220,7 @@ def equal_area_answer(case: Case, machine: int | None, cycles: float) -> dict[st
         sizes, marks = str(error), (m.start, m.unstable, m.unstable)
     return {
         "machine": machine,
+        "name": str(case.machine(machine).called),
         "critical": critical.cycles,
         "stable": bool(curve.stable),
         "text": sizes,

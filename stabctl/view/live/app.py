@@ -146,7 +146,7 @@ def app(points: Points, load: Source, token: str, port: int) -> Guard:
             except Exception as error:
                 wrong = {"error": bug(error)}
             text = pack(wrong, {}) if kind == BINARY else json.dumps(wrong).encode()
-            return Response(text, media_type=kind)
+            return Response(text, 422 if kind == "text/html" else 200, media_type=kind)
 
         return answer
 
@@ -156,7 +156,7 @@ def app(points: Points, load: Source, token: str, port: int) -> Guard:
                 state = read(await body(request))
             except StabctlError:
                 raise HTTPException(400) from None
-            found = searching.start(lambda tell: work(pages.points, state, tell))
+            found = searching.start(lambda tell: work(pages.points, state, load, tell))
             if found is None:
                 return Response(FULL, 503, {"retry-after": "5"}, LINES)
             return StreamingResponse(found, media_type=LINES)

@@ -25,12 +25,14 @@ def page(modes: Modes, areas: Areas | None, band: tuple[float, float]) -> str:
     areas
         Its coherent areas, if known.
     band
-        Lowest and highest frequency (Hz) of the table and the mode shapes.
+        Lowest and highest frequency (Hz) of the table and the mode shapes; the least damped mode is always shown.
     """
     case = modes.linear.point.case
-    inside = [modes.mode(k) for k in modes.within(*band)]
-    least = min((m for m in inside if m.electromechanical), key=lambda m: m.damping_ratio, default=None)
-    drawn = [part for part in (least, areas) if part is not None]
+    worst = modes.least_damped()
+    inside = modes.within(*band)
+    rows = [modes.mode(k) for k in sorted({*inside, *worst}, key=lambda k: (modes.frequency_hz[k], k))]
+    least, arrows = (modes.mode(worst[i]) if worst else None for i in (0, -1))
+    drawn = [part for part in (arrows, areas) if part is not None]
     return (
         document.environment()
         .get_template("modes.html")
@@ -41,11 +43,13 @@ def page(modes: Modes, areas: Areas | None, band: tuple[float, float]) -> str:
             eigenvalues=svg(figures.plot_modes(modes), "Eigenvalues in the complex plane"),
             diagram=svg(one_line.plot(modes.linear.point, *drawn), "One-line diagram") if drawn else None,
             least=least,
+            arrows=arrows,
             zeros=[modes.mode(k) for k in range(len(modes)) if modes.eigenvalues[k] == 0],
-            swings=[_swing(m) for m in inside if m.electromechanical],
+            swings=[_swing(m) for m in sorted(rows, key=lambda m: m != least) if m.electromechanical or m == least],
             areas=_areas(areas) if areas else None,
             band=[f"{edge:g}" for edge in band],
-            rows=[_row(m) for m in inside],
+            rows=[_row(m) for m in rows],
+            beyond=not {*worst} <= {*inside},
         )
     )
 

@@ -63,5 +63,13 @@ def _numbers(screen: Screen, times: list[float]) -> list[tuple[str, str]]:
 def _row(p: ClearingTime, limit: float) -> tuple[str, ...]:
     """A pair in the table."""
     cycles = {"unstable_at_zero": "0", "stable_at_limit": f"{limit:g} or more"}.get(p.status) or f"{p.cycles:g}"
-    swings = "grow" if p.remark() and p.swings and p.swings.growing else "do not decay" if p.remark() else "decay"
-    return cycles, f"bus {p.fault}", ", ".join(p.trip), p.limit, swings
+    return cycles, f"bus {p.fault}", ", ".join(p.trip), p.limit, _swings(p)
+
+
+def _swings(p: ClearingTime) -> str:
+    """What the swings of the longest stable run do; nothing if there is no such run, or they are not judged."""
+    if p.swings is None:
+        return ""
+    if p.remark():
+        return "grow" if p.swings.growing else "do not decay"
+    return "decay" if p.swings.decaying else "stay small"

@@ -80,7 +80,7 @@ def test_ratings_of_single_machines(points):
 
 def test_the_critical_time_is_that_of_clearing_time(points):
     told = []
-    critical(points, FAULT, told.append)
+    critical(points, FAULT, LOAD, told.append)
     answers = [part for part in told if "text" in part]
     assert [a["resolution"] for a in answers] == [0.125, 0.015625]
     assert answers[0]["text"] == str(st.clearing_time(points.case, "7-8@0.4"))
@@ -104,7 +104,7 @@ def test_the_delay_is_that_of_the_signals_of_the_law(points):
 @pytest.mark.slow
 def test_the_landscape_is_the_screen(cases):
     told = []
-    landscape(Points(cases("wscc9")), State("7"), told.append)
+    landscape(Points(cases("wscc9")), State("7"), LOAD, told.append)
     pairs = sorted(tuple(row) for part in told for row in part.get("pairs", ()))
     whole = st.screen(cases("wscc9"))
     assert pairs == sorted((p.fault, p.trip[0], p.cycles, p.status, p.machine) for p in whole.pairs)
@@ -162,7 +162,7 @@ def test_equal_areas_begin_with_a_machine_that_has_them(cases):
 def test_copied_lines_give_the_run_of_the_page(points, settings, capsys, monkeypatch):
     state = replace(FAULT, **settings)
     head, _ = unpacked(answers.run_answer(points, state, LOAD))
-    copy = head["copy"]["run"]
+    copy = head["copy"]
     run = eval(copy["python"], {"st": st})
     assert run.outcome.message == head["runs"][""]["message"]
     if "shell" not in copy:
@@ -179,9 +179,10 @@ def test_copied_lines_give_the_run_of_the_page(points, settings, capsys, monkeyp
 @pytest.mark.parametrize("settings", [{}, {"percent": 5.0, "deadband": 50.0}])
 def test_copied_lines_give_the_clearing_times_of_the_page(points, settings, stabctl):
     state, told = replace(FAULT, **settings), []
-    critical(points, state, told.append)
+    critical(points, state, LOAD, told.append)
     copy = commands.lines(LOAD, points.case, state)
     found = next(t for t in told if "text" in t)
+    assert found["copy"] == copy["critical"]
     assert eval(copy["critical"]["python"], {"st": st}).cycles == found["cycles"]
     code, out, _ = stabctl(*shlex.split(copy["critical"]["shell"])[1:], "--json")
     assert (code, json.loads(out)["cycles"]) == (0, found["cycles"])

@@ -172,6 +172,94 @@ def test_every_view_shows_something(page):
     page.click("#play")
 
 
+SETTINGS = "percent: 5", "law: 'idle', percent: 5", "level: 90", "percent: 5, deadband: 50", "megawatts: {1: 40}"
+
+
+def test_clearing_times_say_for_which_settings_they_hold(page):
+    """After each change the view is gray, names its own settings and copies them; screened again, it is not."""
+    page.click("#tab-landscape")
+    until(page, "landscape.done", 60)
+    before = page.evaluate("live.state")
+    line = page.evaluate("lines().python")
+    for settings in SETTINGS:
+        page.evaluate(f"change({{{settings}}})")
+        settled(page)
+        assert page.locator("#landscape-for").inner_text() == (
+            "These are the clearing times for 0 % storage, load level 100 %; screen again."
+        )
+        assert page.evaluate("landscape.list.classList.contains('stale')")
+        assert page.evaluate("lines().python") == line == "st.load('two_area').screen()"
+        page.evaluate("before => change(before)", before)
+        settled(page)
+        assert page.locator("#landscape-for").inner_text() == ""
+        assert not page.evaluate("landscape.list.classList.contains('stale')")
+    page.evaluate("change({percent: 5})")
+    page.click("#screen")
+    until(page, "landscape.done", 60)
+    assert page.locator("#landscape-for").inner_text() == ""
+    assert "5%mva" in page.evaluate("lines().python")
+    page.evaluate("change({clear: 12, fault: '9'})")  # of which a screen does not depend
+    assert page.locator("#landscape-for").inner_text() == ""
+
+
+def test_a_run_that_fails_leaves_nothing_of_the_one_before(page):
+    page.evaluate("change({level: 130})")
+    settled(page)
+    assert "cannot be initialized" in page.locator("#verdict").inner_text()
+    assert page.locator(".chart").count() == 0
+    for button in ("python", "shell", "save"):
+        assert page.locator(f"#{button}").is_disabled()
+    page.click("#tab-modes")
+    until(page, "!modes.asking.busy")
+    assert "cannot be initialized" in page.locator("#modes-text").inner_text()
+    page.evaluate("change({level: 100, percent: 5})")
+    until(page, "!!modes.found")
+    assert "Storage and its law are left out" in page.locator("#modes-left-out").inner_text()
+    page.click("#tab-time")
+    settled(page)
+    assert page.locator(".chart").count() == 1
+    assert page.locator("#python").is_enabled()
+
+
+def test_the_clock_ends_where_the_run_ended(page):
+    move(page, "clear", 30)
+    settled(page)
+    end = page.evaluate("live.run.arrays.frame.at(-1)")
+    assert end < 5
+    page.evaluate("diagram.show(9)")
+    assert page.locator("#clock").inner_text() == f"{end:.2f} s, end of the run"
+
+
+def test_theory_says_for_which_fault_it_holds(page):
+    page.click("#tab-theory")
+    until(page, "!!theory.found")
+    page.evaluate("change({clear: 4, level: 95})")
+    until(page, "!theory.asking.busy && theory.found.clear === 4")
+    said = page.locator("#theory-text").inner_text()
+    assert said.startswith("Three-phase fault at the terminal of machine 1, cleared after 4 cycles, load level 95 %.")
+
+
+def test_a_saved_page_keeps_the_settings_of_its_results(page, chromium, tmp_path):
+    """Screened without storage, saved with 5 %: the saved page says so."""
+    page.click("#tab-landscape")
+    until(page, "landscape.done", 60)
+    page.evaluate("change({percent: 5})")
+    settled(page)
+    with page.expect_download() as found:
+        page.click("#save")
+    found.value.save_as(tmp_path / "saved.html")
+    saved = chromium.new_context(offline=True).new_page()
+    saved.goto((tmp_path / "saved.html").as_uri())
+    until(saved, "!!live.run")
+    saved.click("#tab-landscape")
+    assert saved.locator("#landscape-for").inner_text() == (
+        "These are the clearing times for 0 % storage, load level 100 %."
+    )
+    assert saved.evaluate("lines().python") == "st.load('two_area').screen()"
+    assert "simulations" in saved.locator("#landscape-text").inner_text()
+    saved.context.close()
+
+
 def test_a_saved_page_works_offline(page, chromium, tmp_path):
     page.click("#tab-theory")
     until(page, "!!theory.found")

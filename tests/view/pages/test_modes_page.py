@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from html import unescape
 
+import numpy as np
 import pytest
 
 from stabctl.dynamics import operating_point
@@ -74,3 +75,20 @@ def test_an_unstable_mode_is_marked(points, real, kind):
     page = modes_page.page(replace(modes, eigenvalues=shifted), None, (0.1, 2.5))
     row = next(row for row in re.findall(r"<tr.*?</tr>", page) if f">{real:.4f}<" in row)
     assert row.startswith(f'<tr class="{kind}">')
+
+
+@pytest.mark.parametrize(("K", "band"), [(1.0, (0.1, 2.5)), (1.0, (0.8, 2.5)), (10.0, (0.1, 2.5)), (10.0, (0.1, 6.0))])
+def test_headline_cards_table_and_figure_agree_on_the_least_damped_mode(cases, K, band):
+    """Also where it is a mode of the stabilizers, or lies outside the band."""
+    case = cases("two_area")
+    found = case.set({f"pss.{m}.K": K * p.K for m, p in case.devices["pss"].items()}).modes()
+    moving = np.flatnonzero(found.eigenvalues.imag > 0)
+    least = found.mode(int(moving[found.damping_ratio[moving].argmin()]))
+    assert least.electromechanical == (K == 1)
+    page = unescape(modes_page.page(found, None, band))
+    said = f"{least.frequency_hz:.3f} Hz, damping ratio {least.damping_ratio:.4f} ({least.label})"
+    assert f"least damped: {said}" in str(found)
+    assert f"least damped: {said}" in page
+    assert re.search(r'<section class="card"><h3>(.*?)</h3>', page)[1] == least.label  # the first card
+    assert least.label in page[page.index("<h2>Oscillatory modes") :]
+    assert f"{least.label}: {least.frequency_hz:.3f} Hz, damping ratio {100 * least.damping_ratio:.2f} %" in page  # dot

@@ -1,8 +1,10 @@
 "use strict";
+const LATE = 250; // ms   after which what is shown is gray until the answer comes
+
 // Questions to the server: of each kind one is under way and at most one waits, the last one asked.
 class Asking {
-  constructor(path, told, read = (answer) => answer.json()) {
-    Object.assign(this, { path, told, read, busy: false, waiting: null });
+  constructor(path, told, late, read = (answer) => answer.json()) {
+    Object.assign(this, { path, told, late, read, busy: false, waiting: null });
   }
 
   ask(message) {
@@ -14,13 +16,18 @@ class Asking {
     const { message, since } = this.waiting;
     this.waiting = null;
     this.busy = true;
+    const slow = setTimeout(() => this.late(true), LATE);
     try {
       const answer = await fetch(this.path, { method: "POST", body: JSON.stringify(message) });
       if (!answer.ok) throw new Error();
-      this.told(await this.read(answer), since, message);
+      const found = await this.read(answer);
+      if (!this.waiting) this.late(false);
+      this.told(found, since, message);
     } catch {
+      this.late(true);
       verdict("The simulator does not answer: start stabctl live again.", "wrong");
     }
+    clearTimeout(slow);
     this.busy = false;
     if (this.waiting) this.send();
   }

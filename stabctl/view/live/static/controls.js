@@ -101,11 +101,15 @@ function change(settings) { // a change of the state by the user
   if (!stored(live.state)) live.state.signals = live.state.signals.filter((s) => s !== "storage");
   if (!live.state.signals.length) live.state.signals = ["speed"];
   controls.show();
-  if (live.recorded) return replay();
-  running.ask({ ...live.state });
-  critical.changed();
-  if (live.view === "modes" && modes.level !== live.state.level) modes.open();
-  if (live.view === "theory") theory.ask();
+  if (live.recorded) {
+    replay();
+  } else {
+    running.ask({ ...live.state });
+    critical.changed();
+    if (live.view === "modes" && modes.found?.level !== live.state.level) modes.open();
+    if (live.view === "theory") theory.ask();
+  }
+  VIEWS[live.view][1]?.marked();
 }
 
 function replay() { // the recorded run nearest to the slider

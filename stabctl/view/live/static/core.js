@@ -24,6 +24,26 @@ function ink() {
   ));
 }
 
+// What results depend on besides the case and the fault: the load level, storage and its law.
+function settings({ level, percent, megawatts, law, deadband, gain, delay } = live.state) {
+  if (!stored({ percent, megawatts })) return { level };
+  const acting = { idle: {}, feedback: { deadband, delay, gain } }[law] ?? { deadband, delay };
+  return { level, percent, megawatts, law, ...acting };
+}
+
+function inWords({ level, percent = 0, megawatts = {}, law, deadband, gain, delay }) {
+  const own = Object.entries(megawatts).map(([m, mw]) => `, ${mw} MW at machine ${m}`).join("");
+  const parts = [`${percent} % storage${own}`, law, deadband !== undefined && `deadband ${deadband} mHz`,
+    gain !== undefined && `gain ${gain} pu/(rad/s)`, delay && `delay ${delay} cycles`, `load level ${level} %`];
+  return parts.filter(Boolean).join(", ");
+}
+
+const same = (one, other) => JSON.stringify(one) === JSON.stringify(other);
+
+function gray(stale, ...parts) { // what is shown belongs to other settings, or is being replaced
+  for (const part of parts) part.classList.toggle("stale", stale);
+}
+
 const letters = (size) => `${size}px ${ink().font}`;
 
 function mixed(stops, value) { // color between stops [value, "#rrggbb"]

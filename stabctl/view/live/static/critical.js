@@ -34,8 +34,8 @@ const critical = {
       else this.note(part.status === "stable_at_limit" ? "stable up to 60 cycles" : "unstable however fast it is cleared");
       for (const [kind, name] of [["python", "copy Python"], ["shell", "copy command"]]) {
         const button = element("button", { type: "button", className: "link", textContent: name });
-        button.onclick = () => copy(live.run?.head.copy.critical[kind]);
-        button.disabled = !live.run?.head.copy.critical[kind];
+        button.onclick = () => copy(part.copy[kind]);
+        button.disabled = !part.copy[kind];
         $("note-clear").append(" ", button);
       }
       live.critical = part;

@@ -41,12 +41,14 @@ const diagram = {
       const width = Math.max(s < FINE ? 0.4 : 1, s * (0.015 + 0.08 * Math.sqrt(mva / most)));
       const halves = this.lineColor?.(name);
       c.setLineDash(opened.has(name) ? [4, 4] : []);
+      c.globalAlpha = halves && this.overlay?.stale?.() ? 0.25 : 1;
       for (const [half, [p, q]] of [[from, middleOf(from, to)], [middleOf(from, to), to]].entries()) {
         c.strokeStyle = halves ? halves[half] : name === this.hovered?.line ? ink().a : ink().soft;
         c.lineWidth = halves ? Math.max(s < FINE ? 1.5 : 2.5, 0.07 * s) : width;
         line(c, p, q);
       }
       c.setLineDash([]);
+      c.globalAlpha = 1;
       if (transformer && s >= FINE) windings(c, from, to, Math.max(2, 0.085 * s), ink());
     });
     c.lineWidth = 1;
@@ -114,7 +116,8 @@ const diagram = {
       this.angle = {};
       live.case.rotors.forEach((i, row) => (this.angle[i] = frames["frame.angle"][row][k]));
     }
-    $("clock").textContent = time === null ? "" : `${time.toFixed(2)} s`;
+    const last = frames?.frame?.at(-1);
+    $("clock").textContent = time === null || last === undefined ? "" : time < last ? `${time.toFixed(2)} s` : `${last.toFixed(2)} s, end of the run`;
     this.draw();
   },
 };

@@ -3,11 +3,12 @@
 const RUNS = 24; // of 10 s, that the clearing times of a line take
 
 const landscape = {
-  pairs: [], done: null, key: null,
+  pairs: [], done: null, of: null, copy: null, // of the settings that it was started with
   stream: new Stream("landscape", (part) => landscape.told(part)),
 
   build() {
     this.said = element("p", { className: "soft", id: "landscape-text" });
+    this.holds = element("p", { id: "landscape-for", className: "warning", role: "status" });
     this.scale = element("canvas");
     this.scale.style.height = "44px";
     this.scale.className = "plot";
@@ -17,14 +18,16 @@ const landscape = {
     this.ending = element("button", { type: "button", id: "screen-stop", textContent: "stop", hidden: true });
     this.ending.onclick = () => this.stop();
     again.hidden = !!live.recorded;
-    $("landscape").append(element("div", { className: "rows" }, again, this.ending), this.said, this.scale, this.list);
-    if (live.recorded?.results.landscape) this.pairs = live.recorded.results.landscape;
+    $("landscape").append(element("div", { className: "rows" }, again, this.ending), this.holds, this.said, this.scale, this.list);
+    const { said, ...kept } = live.recorded?.results.landscape ?? {};
+    Object.assign(this, kept);
+    if (said) this.said.textContent = said;
   },
 
   open() {
     if (!this.said) this.build();
     diagram.lineColor = (name) => this.colors(name);
-    diagram.overlay = { said: (name) => this.pairs.filter((p) => p[1] === name).map((p) => `; fault at ${p[0]}: ${this.cycles(p)}`).join("") };
+    diagram.overlay = { stale: () => this.stale, said: (name) => this.pairs.filter((p) => p[1] === name).map((p) => `; fault at ${p[0]}: ${this.cycles(p)}`).join("") + (this.stale ? ` with ${inWords(this.of)}` : "") };
     if (!this.pairs.length && !live.recorded && this.ending.hidden) this.offer();
     this.draw();
   },
@@ -35,8 +38,25 @@ const landscape = {
     this.said.textContent = `A screen of all ${live.case.lines.length} lines takes about ${Math.round(minutes)} minutes here. The button starts it; results appear as they come.`;
   },
 
+  kept() { // for a saved page
+    const { pairs, of, copy } = this;
+    return pairs.length ? { pairs, of, copy, said: this.said.textContent } : null;
+  },
+
+  get stale() {
+    return !!this.of && !same(this.of, settings());
+  },
+
+  marked() { // the settings for which it holds, if they are no longer those of the page
+    this.holds.textContent = this.stale ? `These are the clearing times for ${inWords(this.of)}${live.recorded ? "." : "; screen again."}` : "";
+    gray(this.stale, this.scale, this.list);
+    diagram.draw();
+  },
+
   start() {
     this.pairs = [];
+    this.copy = null;
+    this.of = structuredClone(settings());
     this.list.replaceChildren();
     this.said.textContent = "";
     this.ending.hidden = this.done = false;
@@ -50,7 +70,8 @@ const landscape = {
   },
 
   told(part) {
-    if (part.error) return (this.ending.hidden = true), verdict(part.error, "wrong");
+    if (part.error) return (this.ending.hidden = true), (this.said.textContent = part.error);
+    if (part.copy) (this.copy = part.copy), copyable();
     if (part.pairs) this.pairs.push(...part.pairs);
     if (part.of) this.said.textContent = `${part.done} of ${part.of} faults`;
     if (part.remarks) (this.said.textContent = part.remarks.join(" ")), (this.done = this.ending.hidden = true);
@@ -87,7 +108,7 @@ const landscape = {
   draw() {
     this.scaled = this.stops();
     this.painted();
-    diagram.draw();
+    this.marked();
     if (!this.pairs.length) return;
     this.bar();
     const sorted = [...this.pairs].sort((a, b) => this.value(a) - this.value(b)).slice(0, 60);

@@ -56,12 +56,12 @@ function mouse() {
 }
 
 function lines() { // that reproduce what the view shows
-  const { run, screen } = live.run?.head.copy ?? {};
-  return { time: run, landscape: screen, modes: modes.found?.copy, theory: theory.found?.copy }[live.view] ?? {};
+  return { time: live.run?.head.copy, landscape: landscape.copy, modes: modes.found?.copy, theory: theory.found?.copy }[live.view] ?? {};
 }
 
 function copyable() {
   for (const kind of ["python", "shell"]) $(kind).disabled = !lines()[kind];
+  $("save").disabled = !live.run;
 }
 
 async function copy(text) {
@@ -76,13 +76,14 @@ async function copy(text) {
 }
 
 async function save() {
-  const results = { modes: modes.found, landscape: landscape.pairs, theory: theory.found ?? null, critical: critical.answer };
+  const results = { modes: modes.found, landscape: landscape.kept(), theory: theory.found ?? null, critical: critical.answer };
   $("save").disabled = true;
   const answer = await fetch("save", { method: "POST", body: JSON.stringify({ state: live.state, results }) });
+  $("save").disabled = false;
+  if (!answer.ok) return verdict(answer.status === 422 ? (await answer.json()).error : "The page could not be saved.", "wrong");
   const link = element("a", { href: URL.createObjectURL(await answer.blob()), download: `${live.case.name}_live.html` });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
-  $("save").disabled = false;
 }
 
 function redraw() { // after a change of size or of light
@@ -104,7 +105,7 @@ async function start() {
     const tab = element("button", { type: "button", id: `tab-${view}`, textContent: label });
     tab.onclick = () => show(view);
     const known = { modes: "modes", theory: "theory", landscape: "landscape" }[view];
-    tab.hidden = !!live.recorded && !!known && !(live.recorded.results[known]?.length ?? live.recorded.results[known]);
+    tab.hidden = !!live.recorded && !!known && !live.recorded.results[known];
     $("tabs").append(tab);
   }
   live.state = { fault, trip: "", clear: 6, percent: 0, megawatts: {}, law: live.case.laws[0], deadband: 100, gain: 0.1, delay: 0, level: 100, compare: false, signals: ["speed"], ...live.recorded?.state };

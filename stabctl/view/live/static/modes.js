@@ -14,9 +14,10 @@ const modes = {
     const shown = element("output", { id: "gain-shown", textContent: "× 1" });
     const control = element("div", { className: "control" }, element("label", { htmlFor: "gain-factor" }, "gain of all machines ", shown), gains, slider);
     this.said = element("p", { className: "soft", id: "modes-text" });
+    this.left = element("p", { className: "warning", id: "modes-left-out" });
     this.list = element("div", { className: "scroll tall" });
     this.shares = element("div");
-    $("modes").append(this.canvas, control, this.said, this.list, this.shares);
+    $("modes").append(this.canvas, control, this.said, this.left, this.list, this.shares);
     gains.onchange = () => ((this.trail = []), this.ask(gains.value, +slider.value));
     slider.oninput = () => {
       shown.textContent = `× ${(+slider.value).toFixed(2)}`;
@@ -24,36 +25,56 @@ const modes = {
     };
     control.hidden = !live.case.gains.length || live.recorded;
     this.canvas.onclick = (event) => this.click(event);
-    this.asking = new Asking("modes", (found) => this.told(found));
+    this.asking = new Asking("modes", (found, _, { level }) => this.told({ ...found, level }), (stale) => this.faded(stale));
   },
 
   open() {
     if (!this.canvas) this.build();
     if (live.recorded) this.found ?? (live.recorded.results.modes && this.told(live.recorded.results.modes));
-    else if (!this.found || this.level !== live.state.level) this.ask(this.gain || (live.case.gains[0] ?? ""), this.factor);
+    else if (!this.found || this.found.level !== live.state.level) this.ask(this.gain || (live.case.gains[0] ?? ""), this.factor);
+    this.marked();
     this.draw();
   },
 
   ask(gain, factor) {
-    this.level = live.state.level;
     const { states } = live.case, many = states > 2000;
     if (many || !this.found) this.said.textContent = `computing the modes${many ? ` of 0.1 to 2.5 Hz, which takes a while with ${states} states` : ""} …`;
-    this.asking.ask({ level: this.level, gain, factor });
+    this.asking.ask({ level: live.state.level, gain, factor });
+  },
+
+  faded(stale) {
+    gray(stale, this.canvas, this.list, this.shares);
+  },
+
+  marked() {
+    this.faded(!!live.recorded && !!this.found && this.found.level !== live.state.level);
+    this.left.textContent = stored(live.state) ? "Storage and its law are left out: these are the modes of the machines and their controls." : "";
+  },
+
+  failed(text) { // no equilibrium with these settings, so nothing is shown
+    this.found = null;
+    this.said.textContent = text;
+    this.list.replaceChildren();
+    this.shares.replaceChildren();
+    fitted(this.canvas);
+    diagram.overlay = null;
+    diagram.draw();
+    copyable();
   },
 
   told(found) {
-    if (found.error) return verdict(found.error, "wrong");
+    if (found.error) return this.failed(found.error);
     const before = this.found?.modes[this.chosen];
     if (found.gain !== this.gain) this.trail = [];
     Object.assign(this, { found, gain: found.gain, factor: found.factor });
     this.trail.push(found.modes.map((m) => [m[0], m[1]]));
     if (this.trail.length > 80) this.trail.shift();
     const near = (m) => Math.hypot(m[0] - before[0], 6.28 * (m[1] - before[1]));
-    const swings = found.modes.map((m, k) => k).filter((k) => found.modes[k][3]);
+    const moving = found.modes.map((m, k) => k).filter((k) => found.modes[k][1] > 0);
     const least = (value) => (a, b) => (value(found.modes[b]) < value(found.modes[a]) ? b : a);
     if (before) this.chosen = found.modes.map((_, k) => k).reduce(least(near));
-    else this.chosen = swings.length ? swings.reduce(least((m) => m[2])) : 0;
-    this.said.textContent = found.text;
+    else this.chosen = moving.length ? moving.reduce(least((m) => m[2])) : 0;
+    this.said.textContent = found.text + (found.level === 100 ? "" : ` Load level ${found.level} %.`);
     copyable();
     this.fill();
     this.draw();
@@ -61,7 +82,7 @@ const modes = {
 
   draw() {
     if (live.view !== "modes" || !this.found) return;
-    const swings = this.found.modes.filter((m) => m[3]), all = swings.length ? swings : this.found.modes;
+    const swings = this.found.modes.filter((m) => m[3]), all = [...(swings.length ? swings : this.found.modes), this.found.modes[this.chosen]];
     const left = Math.min(-1, 1.25 * Math.min(...all.map((m) => m[0]))), top = 1.2 * Math.max(0.5, ...all.map((m) => m[1]));
     const right = Math.max(-0.1 * left, ...this.found.modes.map((m) => 1.3 * m[0]));
     const c = this.plane.open([left, right], [0, top]), p = this.plane, gray = ink().soft;

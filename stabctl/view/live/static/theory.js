@@ -12,12 +12,21 @@ const theory = {
     for (const canvas of [this.areas, this.plane]) canvas.style.height = "300px";
     this.said = element("p", { className: "soft", id: "theory-text" });
     $("theory").append(
-      element("div", { className: "rows" }, choice, element("span", { className: "soft", textContent: "against the center of inertia of the others, classical, fault at its terminal" })),
+      element("div", { className: "rows" }, choice, element("span", { className: "soft", textContent: "against the center of inertia of the others, classical, without storage" })),
       this.said, element("h2", { textContent: "Equal areas" }), this.areas, element("h2", { textContent: "Phase plane" }), this.plane);
     this.first = new Plane(this.areas, "angle (deg)", "power (pu)");
     this.second = new Plane(this.plane, "angle (deg)", "speed deviation (Hz)");
-    this.asking = new Asking("theory", (found) => this.told(found));
+    this.asking = new Asking("theory", (found, _, { level, clear }) => this.told({ ...found, level, clear }), (stale) => this.faded(stale));
     choice.hidden = !!live.recorded;
+  },
+
+  faded(stale) {
+    gray(stale, this.areas, this.plane);
+  },
+
+  marked() {
+    const { clear, level } = live.state;
+    this.faded(!!live.recorded && !!this.found && !(this.found.clear === clear && this.found.level === level));
   },
 
   open() {
@@ -41,7 +50,9 @@ const theory = {
     copyable();
     this.machine = found.machine;
     $("theory-machine").value = found.machine;
-    this.said.textContent = `${found.text} Critical clearing time of this theory: ${found.critical.toFixed(2)} cycles.`;
+    const fault = `Three-phase fault at the terminal of machine ${found.name}, cleared after ${found.clear} cycles${found.level === 100 ? "" : `, load level ${found.level} %`}`;
+    this.said.textContent = `${fault}. ${found.text} Critical clearing time of this fault in this theory: ${found.critical.toFixed(2)} cycles.`;
+    this.marked();
     this.draw();
   },
 

@@ -67,12 +67,13 @@ const running = new Asking(
     answered(buffer);
     requestAnimationFrame(() => setTimeout(() => drawn(since)));
   },
+  (stale) => gray(stale, $("charts"), $("diagram"), $("verdict")),
   (answer) => answer.arrayBuffer(),
 );
 
 function answered(buffer) {
   const run = unpack(buffer);
-  if (run.head.error) return verdict(run.head.error, "wrong");
+  if (run.head.error) return failed(run.head.error);
   live.run = run;
   live.answers++;
   const { stable, message } = run.head.runs[""], other = run.head.runs["bare."];
@@ -80,6 +81,18 @@ function answered(buffer) {
   copyable();
   if (live.view === "time") time.draw();
   diagram.show(live.playing ? 0 : null);
+}
+
+function failed(text) { // there is no run with these settings, so none is shown
+  live.run = null;
+  time.stop();
+  for (const { plot } of time.charts) plot.destroy();
+  Object.assign(time, { charts: [], built: "" });
+  $("charts").replaceChildren();
+  $("timing").textContent = "";
+  verdict(text, "wrong");
+  copyable();
+  diagram.show(null);
 }
 
 function drawn(since) { // what the time from the event to the picture was made of
