@@ -16,12 +16,14 @@ READ = "dyr", "loads", "machines", "frequency", "missing", "missing_controls"  #
 
 def live(*, port: Port = 0, browser: Browser = True, case: groups.CaseOptions) -> None:
     """Open a page that simulates while you move the fault, its clearing time, the storage and its control."""
-    from stabctl.view.live.serve import serve
+    from stabctl.view.live.serve import PARTS, serve, warm
 
     def said(address: str) -> None:
         shared.console().print(f"{address}\nCtrl-C ends it.", soft_wrap=True)
 
-    serve(case.load(), source(case), port=port, browser=browser, said=said)
+    with shared.progress("preparing the page:", PARTS) as told:
+        points = warm(case.load(), told)
+    serve(points, source(case), port=port, browser=browser, said=said)
 
 
 def source(case: groups.CaseOptions) -> "Source":

@@ -18,9 +18,14 @@ from stabctl._util.errors import StudyError, shown
 from stabctl._util.schema import fields
 from stabctl.clearing import ClearingTime, clearing_time, screen
 from stabctl.clearing.trial import Run
+from stabctl.controllers import Law
 from stabctl.dynamics import operating_point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.model.case import Case
 from stabctl.model.tables import models, of_role
+from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.criterion import Criterion
+from stabctl.simulation.outcome import Kind
 from stabctl.simulation.simulate import simulate
 from stabctl.simulation.trajectory import Trajectory
 from stabctl.smallsignal import areas
@@ -33,6 +38,8 @@ from stabctl.theory.two_machine import Equivalent, equivalent
 from . import commands
 from .state import AT, UNTIL, Points, State
 
+BEYOND = 1.0  # s   drawn after synchronism is lost
+WATCHED = Criterion(max_angle=np.inf, slowest=0.0, fastest=np.inf, low_voltage_s=0.0, frequency_delay_s=0.0)
 FRAMES = 20.0  # a second, of voltages and angles for the diagram
 NONE, MOST = -32768, 32000  # of the numbers sent: no value, the largest
 ROLES = "stabilizer", "exciter", "governor"
@@ -45,17 +52,15 @@ Tell = Callable[[dict[str, Any]], None]
 def run_answer(points: Points, state: State, load: commands.Source) -> bytes:
     """The run of a state, and the same without storage if the page compares them."""
     begun = time.perf_counter()
-    found = [
-        ("", simulate(points.of(state), state.contingency, UNTIL, control=state.control(points.case.frequency_hz)))
-    ]
+    found = {"": _runs(points.of(state), state.contingency, state.control(points.case.frequency_hz))}
     if state.compare and state.stored:
-        found.append(("bare.", simulate(points.bare(state), state.contingency, UNTIL)))
+        found["bare."] = _runs(points.bare(state), state.contingency, None)
     ran = time.perf_counter()
     arrays: Arrays = {}
-    for name, run in found:
-        arrays |= {name + key: values for key, values in _arrays(run, state.signals).items()}
+    for name, (_, drawn) in found.items():
+        arrays |= {name + key: values for key, values in _arrays(drawn, state.signals).items()}
     head: dict[str, Any] = {
-        "runs": {name: _outcome(run) for name, run in found},
+        "runs": {name: _outcome(run) for name, (run, _) in found.items()},
         "at": AT,
         "cleared": state.contingency.cleared(points.case),
         "until": UNTIL,
@@ -65,6 +70,15 @@ def run_answer(points: Points, state: State, load: commands.Source) -> bytes:
     }
     head["server_ms"] = 1e3 * (time.perf_counter() - begun)
     return pack(head, arrays)
+
+
+def _runs(point: OperatingPoint, contingency: Contingency, control: Law | None) -> tuple[Trajectory, Trajectory]:
+    """A run, and what is drawn of it: if synchronism is lost, one that is watched a little longer."""
+    run = simulate(point, contingency, UNTIL, control=control)
+    if run.outcome.kind is not Kind.LOST_SYNCHRONISM:
+        return run, run
+    until = min(run.outcome.time_s + BEYOND, UNTIL)
+    return run, simulate(point, contingency, until, control=control, criterion=WATCHED)
 
 
 def _outcome(run: Trajectory) -> dict[str, Any]:

@@ -19,8 +19,9 @@ from .state import LAWS, Points, State
 
 STATIC = Path(__file__).parent / "static"
 SCRIPTS = (
-    "uPlot.iife.min.js", "core.js", "asking.js", "diagram.js", "symbols.js", "labels.js", "charts.js", "time.js",
-    "critical.js", "plane.js", "modes.js", "landscape.js", "theory.js", "controls.js", "main.js",
+    "uPlot.iife.min.js", "core.js", "asking.js", "diagram.js", "symbols.js", "labels.js", "charts.js",
+    "exports.js", "time.js", "critical.js", "plane.js", "modes.js", "landscape.js", "theory.js", "controls.js",
+    "address.js", "main.js",
 )  # fmt: skip
 SHEETS = "style.css", "uPlot.min.css", "page.css"  # the first is made from that of all figures
 KINDS = {".js": "text/javascript", ".css": "text/css"}

@@ -21,18 +21,19 @@ if TYPE_CHECKING:
 
 
 HOST = "127.0.0.1"
+PARTS = 4
 ENDS = AT + 0.5  # s   of the first simulations
 
 
 def serve(
-    case: Case, load: Source, *, port: int = 0, browser: bool = True, said: Callable[[str], None] = print
+    points: Points, load: Source, *, port: int = 0, browser: bool = True, said: Callable[[str], None] = print
 ) -> None:
     """Serve the page of a case until Ctrl-C.
 
     Parameters
     ----------
-    case : Case
-        The system.
+    points : Points
+        The system, prepared by `warm`.
     load : Source
         How it was loaded, for the lines that can be copied.
     port : int
@@ -45,14 +46,8 @@ def serve(
     Raises
     ------
     StudyError
-        If the optional packages are not installed, the port is in use, or the case has no operating point.
+        If the port is in use.
     """
-    try:
-        import starlette  # noqa: F401
-        import uvicorn  # noqa: F401
-    except ImportError:
-        raise StudyError("The page needs starlette and uvicorn; install them: pip install 'stabctl[live]'.") from None
-
     token = secrets.token_urlsafe(18)
     with socket.socket() as listening:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, int(sys.platform != "win32"))
@@ -62,7 +57,7 @@ def serve(
             reason = getattr(error, "strerror", None) or "it is not a port"
             raise StudyError(f"Port {port} cannot be used: {reason}; choose another with --port.") from None
         port = listening.getsockname()[1]
-        running = server(warm(case), load, token, port)
+        running = server(points, load, token, port)
         address = f"http://{HOST}:{port}/{token}/"
         listening.listen()  # a browser that is quicker than the server waits for it
         with suppress(KeyboardInterrupt):
@@ -72,14 +67,18 @@ def serve(
             running.run([listening])
 
 
-def warm(case: Case) -> Points:
+def warm(case: Case, told: Callable[[float, str], None]) -> Points:
     """The operating points of a case after its first simulations, which compile everything the page needs.
 
-    Raises `StudyError` if the case cannot be simulated.
+    Calls `told` with the number of parts done, of `PARTS`, and the next one. Raises `StudyError` if the case cannot be
+    simulated.
     """
     points = Points(case)
+    told(0, "diagram")
     fault = page.about(points)["fault"]
-    for state in (State(fault), State(fault, percent=1.0), State(fault, percent=1.0, law="feedback")):
+    states = State(fault), State(fault, percent=1.0), State(fault, percent=1.0, law="feedback")
+    for k, (state, what) in enumerate(zip(states, ("first run", "storage", "feedback"), strict=True)):
+        told(k + 1, what)
         simulate(points.of(state), state.contingency, ENDS, control=state.control(case.frequency_hz))
     return points
 

@@ -32,6 +32,7 @@ class State:
     gain: float = 0.1  # pu/(rad/s)   of the feedback
     delay: float = 0.0  # cycles   of the signals of the law, which then come once per cycle; 0: it acts at every step
     level: float = 100.0  # %   of the load
+    required: float = 0.0  # cycles   clearing time that is required; 0: none
     compare: bool = False  # with a run without storage
     signals: tuple[str, ...] = ("speed",)
 

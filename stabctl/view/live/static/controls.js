@@ -17,20 +17,29 @@ function stored(state) {
 
 const controls = {
   build() {
+    const place = element("input", { type: "text", id: "fault", autocomplete: "off" });
+    place.setAttribute("list", "places");
+    place.onchange = () => this.search(place.value);
+    const named = live.case.buses.map(([number, name]) => element("option", { value: number, label: name ? `${number} ${name}` : `bus ${number}` }));
+    const places = element("datalist", { id: "places" }, ...named, ...live.case.branches.map(([name]) => element("option", { value: name })));
+    $("controls").append(element("div", { className: "control", id: "box-fault" }, element("label", { htmlFor: "fault" }, "fault at a bus or line"), place, places));
     for (const { id, name, min, max, step } of CONTROLS) {
       const slider = element("input", { type: "range", id, min, max, step });
       slider.oninput = () => this.moved(id, +slider.value);
       const box = element("div", { className: "control", id: `box-${id}` },
         element("label", { htmlFor: id }, element("span", { id: `name-${id}`, textContent: name }), element("output", { id: `value-${id}` })), slider);
-      if (id === "clear") box.append(element("div", { className: "track" }, element("i", { id: "mark-clear", hidden: true })), element("div", { className: "note", id: "note-clear" }));
+      if (id === "clear") box.append(element("div", { className: "track" }, element("i", { id: "mark-clear", hidden: true }), element("i", { id: "mark-required", hidden: true })), element("div", { className: "note", id: "note-clear" }));
       if (id === "own") {
-        const choice = element("select", { id: "machine", title: "Machine with a rating of its own" },
+        const choice = element("select", { id: "machine", title: "Machine with a rating of its own", ariaLabel: "Machine with a rating of its own" },
           ...live.case.machines.map((m) => element("option", { value: m[3], textContent: `machine ${m[0]} (${m[2]} MVA)` })));
         choice.onchange = () => this.show();
         box.insertBefore(choice, slider);
+        box.append(element("div", { className: "note", id: "note-own" }));
       }
       $("controls").append(box);
     }
+    const required = element("input", { type: "number", id: "required", min: 0, max: 60, step: 0.125, placeholder: "none" });
+    required.onchange = () => change({ required: Math.min(60, Math.max(0, +required.value || 0)) });
     const trip = element("select", { id: "trip" });
     trip.onchange = () => change({ trip: trip.value });
     const law = element("select", { id: "law" }, ...live.case.laws.map((l) => element("option", { value: l, textContent: l })));
@@ -38,7 +47,7 @@ const controls = {
     const compare = element("input", { type: "checkbox", id: "compare" });
     compare.onchange = () => change({ compare: compare.checked });
     const row = (id, text, ...parts) => element("div", { className: "control", id: `box-${id}` }, element("label", { htmlFor: id }, text), ...parts);
-    $("controls").append(row("trip", "line opened to clear the fault", trip), row("law", "law of the storage", law),
+    $("controls").append(row("trip", "line opened to clear the fault", trip), row("law", "law of the storage", law), row("required", "required clearing time (cycles)", required, element("div", { className: "note", id: "note-required" })),
       element("div", { className: "control", id: "box-compare" }, element("label", { htmlFor: "compare" }, "without storage beside it", compare)));
     for (const signal of SIGNALS) {
       const chip = element("button", { type: "button", textContent: { speed: "speeds", angle: "angles", voltage: "voltages", storage: "storage power" }[signal], id: `signal-${signal}` });
@@ -60,6 +69,15 @@ const controls = {
     change({ [id]: value });
   },
 
+  search(text) { // a bus by number or name, a line, or a point of one, as it is typed
+    const wanted = text.trim(), [what, along] = parted(wanted), plain = (t) => String(t).trim().toLowerCase();
+    const bus = live.case.buses.find((b) => String(b[0]) === wanted || (b[1] && plain(b[1]) === plain(wanted)));
+    const line = live.case.branches.find((b) => plain(b[0]) === plain(what));
+    if (bus) return this.fault(bus[0]);
+    if (line && (along === undefined || (+along >= 0 && +along <= 1))) return this.fault(`${line[0]}@${along ?? 0.5}`);
+    verdict(`There is no bus or line ${wanted} in ${live.case.name}; write 83, 7-8, or 7-8@0.4 for a point of a line.`, "wrong");
+  },
+
   signal(name) {
     const now = live.state.signals;
     const signals = now.includes(name) ? now.filter((s) => s !== name) : [...now, name];
@@ -70,15 +88,33 @@ const controls = {
     change({ fault: String(place), trip });
   },
 
+  own() { // the ratings that are not those of every machine, each with a button that takes it away
+    const names = new Map(live.case.machines.map((m) => [String(m[3]), m[0]]));
+    const buttons = Object.entries(live.state.megawatts).map(([m, mw]) => {
+      const button = element("button", { type: "button", className: "link", textContent: `${names.get(m)}: ${mw} MW \u00d7`, title: `Machine ${names.get(m)} like the others again` });
+      button.onclick = () => {
+        const { [m]: gone, ...rest } = live.state.megawatts;
+        change({ megawatts: rest });
+      };
+      return button;
+    });
+    $("note-own").replaceChildren(...(buttons.length ? ["of their own: ", ...buttons] : []));
+  },
+
   show() { // the state on the sliders
     const s = live.state, own = +$("machine").value, machine = live.case.machines.find((m) => m[3] === own);
     $("own").max = Math.max(10, Math.round(machine[2] / 4));
     const values = { ...s, along: Math.round(100 * (+parted(s.fault)[1] || 0)), own: s.megawatts[own] ?? Math.round((s.percent * machine[2]) / 100) };
+    this.own();
     for (const { id, say, when } of CONTROLS) {
       $(id).value = values[id];
       $(`value-${id}`).textContent = say(values[id]);
       $(`box-${id}`).hidden = when ? !when(s) : false;
     }
+    $("fault").value = s.fault;
+    $("required").value = s.required || "";
+    $("diagram").setAttribute("aria-label", `One-line diagram of ${live.case.name}; fault at ${s.fault}, chosen in the list "fault at a bus or line"`);
+    critical.need();
     const bus = live.case.buses.findIndex((b) => String(b[0]) === s.fault);
     $("box-trip").hidden = bus < 0;
     if (bus >= 0) {
@@ -95,8 +131,6 @@ const controls = {
 };
 
 function change(settings) { // a change of the state by the user
-  const { megawatts, percent } = settings;
-  if (percent !== undefined && megawatts === undefined) settings.megawatts = {};
   Object.assign(live.state, settings);
   if (!stored(live.state)) live.state.signals = live.state.signals.filter((s) => s !== "storage");
   if (!live.state.signals.length) live.state.signals = ["speed"];
@@ -110,6 +144,7 @@ function change(settings) { // a change of the state by the user
     if (live.view === "theory") theory.ask();
   }
   VIEWS[live.view][1]?.marked();
+  address.changed();
 }
 
 function replay() { // the recorded run nearest to the slider

@@ -5,7 +5,7 @@ const critical = {
   stream: new Stream("clearing", (part) => critical.told(part)),
 
   keyOf() { // what it depends on: everything but the clearing time and what is shown
-    const { clear, signals, compare, ...rest } = live.state;
+    const { clear, signals, compare, required, ...rest } = live.state;
     return JSON.stringify(rest);
   },
 
@@ -50,8 +50,19 @@ const critical = {
   },
 
   mark() { // on the track of the slider
-    const slider = $("clear"), cycles = this.answer?.cycles;
-    const mark = $("mark-clear");
+    this.put("mark-clear", this.answer?.cycles);
+    this.need();
+  },
+
+  need() { // what is required, and whether it is met
+    const { required } = live.state, found = { unstable_at_zero: 0, stable_at_limit: 60 }[this.answer?.status] ?? this.answer?.cycles;
+    this.put("mark-required", required || null);
+    $("note-required").textContent = !required || found === undefined ? "" : found >= required ? "met by this fault" : `missed by this fault: ${+found.toFixed(3)} cycles`;
+    $("note-required").classList.toggle("missed", found < required);
+  },
+
+  put(id, cycles) {
+    const slider = $("clear"), mark = $(id);
     mark.hidden = cycles === undefined || cycles === null || cycles > +slider.max;
     if (!mark.hidden) mark.style.left = `calc(7px + (100% - 16px) * ${(cycles - slider.min) / (slider.max - slider.min)})`;
   },

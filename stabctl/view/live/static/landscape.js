@@ -9,7 +9,9 @@ const landscape = {
   build() {
     this.said = element("p", { className: "soft", id: "landscape-text" });
     this.holds = element("p", { id: "landscape-for", className: "warning", role: "status" });
+    this.need = element("p", { id: "landscape-required", role: "status" });
     this.scale = element("canvas");
+    this.scale.setAttribute("role", "img");
     this.scale.style.height = "44px";
     this.scale.className = "plot";
     this.list = element("div", { className: "scroll tall", id: "landscape-list" });
@@ -18,7 +20,7 @@ const landscape = {
     this.ending = element("button", { type: "button", id: "screen-stop", textContent: "stop", hidden: true });
     this.ending.onclick = () => this.stop();
     again.hidden = !!live.recorded;
-    $("landscape").append(element("div", { className: "rows" }, again, this.ending), this.holds, this.said, this.scale, this.list);
+    $("landscape").append(element("div", { className: "rows" }, again, this.ending), this.holds, this.need, this.said, this.scale, this.list);
     const { said, ...kept } = live.recorded?.results.landscape ?? {};
     Object.assign(this, kept);
     if (said) this.said.textContent = said;
@@ -48,6 +50,8 @@ const landscape = {
   },
 
   marked() { // the settings for which it holds, if they are no longer those of the page
+    const { required } = live.state, short = this.pairs.filter((p) => this.value(p) < required).length;
+    this.need.textContent = required && this.pairs.length ? `${short} of ${this.pairs.length} pairs are shorter than the ${required} cycles required.` : "";
     this.holds.textContent = this.stale ? `These are the clearing times for ${inWords(this.of)}${live.recorded ? "." : "; screen again."}` : "";
     gray(this.stale, this.scale, this.list);
     diagram.draw();
@@ -111,10 +115,12 @@ const landscape = {
     this.marked();
     if (!this.pairs.length) return;
     this.bar();
-    const sorted = [...this.pairs].sort((a, b) => this.value(a) - this.value(b)).slice(0, 60);
+    const sorted = this.sorted().slice(0, 60);
     const head = ["fault at bus", "line opened", "critical (cycles)", "leaves first"].map((t, i) => element("th", { textContent: t, className: i < 2 ? "text" : "" }));
     const rows = sorted.map((p) => {
-      const row = element("tr", {}, ...[p[0], p[1]].map((t) => element("td", { className: "text", textContent: t })),
+      const go = element("button", { type: "button", className: "row", textContent: p[0], title: `Take the fault at bus ${p[0]}, cleared by opening ${p[1]}` });
+      const short = live.state.required > 0 && this.value(p) < live.state.required;
+      const row = element("tr", { className: short ? "short" : "" }, element("td", { className: "text" }, go), element("td", { className: "text", textContent: p[1] }),
         element("td", { textContent: this.cycles(p).replace(" cycles", "") }), element("td", { textContent: p[4] ?? "" }));
       row.onclick = () => controls.fault(p[0], p[1]);
       return row;
@@ -122,7 +128,12 @@ const landscape = {
     this.list.replaceChildren(element("table", {}, element("thead", {}, element("tr", {}, ...head)), element("tbody", {}, ...rows)));
   },
 
+  sorted() { // the shortest first
+    return [...this.pairs].sort((a, b) => this.value(a) - this.value(b));
+  },
+
   bar() { // what the colors mean
+    this.scale.setAttribute("aria-label", `Colors of critical clearing times from ${this.scaled[0][0]} to ${this.scaled.at(-1)[0]} cycles`);
     const { context: c, width } = fitted(this.scale), [first, last] = [this.scaled[0][0], this.scaled.at(-1)[0]];
     for (let x = 8; x < width - 8; x++) {
       c.fillStyle = mixed(this.scaled, first + ((x - 8) / (width - 16)) * (last - first));

@@ -11,21 +11,41 @@ function show(view) {
     if (name === view) part?.open();
   }
   $("controls").hidden = $("verdict").hidden = view === "modes";
-  $("play-row").hidden = view !== "time";
+  $("play-row").hidden = $("pinned").hidden = view !== "time";
   if (view === "time") time.draw();
   copyable();
   diagram.draw();
+  if (address.first) address.changed();
 }
 
 function mouse() {
-  const canvas = $("diagram");
-  let start = null;
-  canvas.onpointerdown = (e) => (start = { x: e.offsetX, y: e.offsetY, at: { ...diagram.view }, moved: false });
+  const canvas = $("diagram"), fingers = new Map();
+  let start = null, apart = 0; // between two fingers
+  const zoom = (factor, x, y) => {
+    const { view } = diagram, next = Math.min(400, Math.max(diagram.least, view.scale * factor)), ratio = next / view.scale;
+    diagram.view = { scale: next, x: x - ratio * (x - view.x), y: y - ratio * (y - view.y) };
+    diagram.labels = placedLabels();
+    diagram.draw();
+  };
+  const pinched = (e) => { // whether two fingers are on the diagram
+    if (!fingers.has(e.pointerId)) return false;
+    fingers.set(e.pointerId, [e.offsetX, e.offsetY]);
+    if (fingers.size !== 2) return false;
+    const [[a, b], [c, d]] = fingers.values(), far = Math.hypot(a - c, b - d);
+    if (apart) zoom(far / apart, (a + c) / 2, (b + d) / 2);
+    apart = far;
+    start = { done: true };
+    return true;
+  };
+  canvas.onpointercancel = (e) => fingers.delete(e.pointerId);
+  canvas.onpointerdown = (e) => (e.pointerType === "touch" && fingers.set(e.pointerId, [e.offsetX, e.offsetY]), (apart = 0), start = { x: e.offsetX, y: e.offsetY, at: { ...diagram.view }, moved: false });
   canvas.onpointerup = canvas.onpointerleave = (e) => {
+    fingers.delete(e.pointerId);
     if (e.type === "pointerleave" && diagram.hovered) (diagram.hovered = null), diagram.draw();
     start = e.type === "pointerup" && start?.moved ? { done: true } : null;
   };
   canvas.onpointermove = (e) => {
+    if (pinched(e)) return;
     if (start?.at && e.buttons) {
       const [dx, dy] = [e.offsetX - start.x, e.offsetY - start.y];
       start.moved ||= Math.hypot(dx, dy) > 5;
@@ -46,11 +66,7 @@ function mouse() {
   };
   canvas.addEventListener("wheel", (e) => {
     e.preventDefault();
-    const { scale, x, y } = diagram.view, next = Math.min(400, Math.max(diagram.least, scale * Math.exp(-e.deltaY / 400)));
-    const ratio = next / scale;
-    diagram.view = { scale: next, x: e.offsetX - ratio * (e.offsetX - x), y: e.offsetY - ratio * (e.offsetY - y) };
-    diagram.labels = placedLabels();
-    diagram.draw();
+    zoom(Math.exp(-e.deltaY / 400), e.offsetX, e.offsetY);
   }, { passive: false });
   $("whole").onclick = () => (diagram.fit(), diagram.draw());
 }
@@ -62,6 +78,7 @@ function lines() { // that reproduce what the view shows
 function copyable() {
   for (const kind of ["python", "shell"]) $(kind).disabled = !lines()[kind];
   $("save").disabled = !live.run;
+  $("pin").disabled = !live.run && !time.pinned;
 }
 
 async function copy(text) {
@@ -108,12 +125,17 @@ async function start() {
     tab.hidden = !!live.recorded && !!known && !live.recorded.results[known];
     $("tabs").append(tab);
   }
-  live.state = { fault, trip: "", clear: 6, percent: 0, megawatts: {}, law: live.case.laws[0], deadband: 100, gain: 0.1, delay: 0, level: 100, compare: false, signals: ["speed"], ...live.recorded?.state };
+  live.state = { fault, trip: "", clear: 6, percent: 0, megawatts: {}, law: live.case.laws[0], deadband: 100, gain: 0.1, delay: 0, level: 100, compare: false, required: 0, signals: ["speed"], ...live.recorded?.state };
   if (live.recorded) live.state.clear = live.recorded.clear;
   controls.build();
   mouse();
-  show("time");
+  address.first = structuredClone(live.state);
+  const given = address.read(location.hash);
+  live.state = given.state;
+  show(given.view);
+  addEventListener("popstate", () => address.follow());
   $("play").onclick = () => time.play();
+  $("pin").onclick = () => time.pin();
   for (const kind of ["python", "shell"]) $(kind).onclick = () => copy(lines()[kind]);
   $("save").onclick = save;
   $("save").hidden = !!live.recorded;

@@ -8,7 +8,7 @@ const modes = {
     this.canvas = element("canvas", { id: "map" });
     this.canvas.style.height = "340px";
     this.plane = new Plane(this.canvas, "real part (1/s)", "frequency (Hz)");
-    const gains = element("select", { id: "gain-of", title: "Gain of all machines" },
+    const gains = element("select", { id: "gain-of", ariaLabel: "Gain of all machines" },
       ...live.case.gains.map((g) => element("option", { value: g, textContent: g })));
     const slider = element("input", { type: "range", id: "gain-factor", min: 0, max: 3, step: 0.05, value: 1 });
     const shown = element("output", { id: "gain-shown", textContent: "× 1" });
@@ -85,6 +85,8 @@ const modes = {
     const swings = this.found.modes.filter((m) => m[3]), all = [...(swings.length ? swings : this.found.modes), this.found.modes[this.chosen]];
     const left = Math.min(-1, 1.25 * Math.min(...all.map((m) => m[0]))), top = 1.2 * Math.max(0.5, ...all.map((m) => m[1]));
     const right = Math.max(-0.1 * left, ...this.found.modes.map((m) => 1.3 * m[0]));
+    const one = this.found.modes[this.chosen];
+    this.canvas.setAttribute("aria-label", `${this.found.modes.length} eigenvalues; chosen: ${one[4]}, ${one[1].toFixed(3)} Hz, damping ratio ${(100 * one[2]).toFixed(1)} %`);
     const c = this.plane.open([left, right], [0, top]), p = this.plane, gray = ink().soft;
     for (const ratio of [0.05, 0.1, 0.2]) {
       const slope = Math.sqrt(1 - ratio ** 2) / ratio / (2 * Math.PI), end = Math.max(left, -top / slope);
@@ -141,7 +143,7 @@ const modes = {
     const head = ["mode", "frequency (Hz)", "damping (%)"].map((t, i) => element("th", { textContent: t, className: i ? "" : "text" }));
     const body = rows.map(([k, m]) => {
       const row = element("tr", { className: k === this.chosen ? "chosen" : "" },
-        element("td", { className: "text long", textContent: m[4] }),
+        element("td", { className: "text long" }, element("button", { type: "button", className: "row", textContent: m[4], ariaPressed: String(k === this.chosen) })),
         element("td", { textContent: m[1].toFixed(3) }), element("td", { textContent: (100 * m[2]).toFixed(1) }));
       row.onclick = () => this.choose(k);
       return row;

@@ -4,10 +4,15 @@ class Plane {
   constructor(canvas, xLabel, yLabel) {
     Object.assign(this, { canvas, xLabel, yLabel });
     canvas.className = "plot";
+    canvas.setAttribute("role", "img");
+  }
+
+  space() {
+    return fitted(this.canvas);
   }
 
   open([left, right], [bottom, top]) {
-    const { context: c, width, height } = fitted(this.canvas);
+    const { context: c, width, height } = this.space();
     const box = { left: 56, right: width - 14, top: 12, bottom: height - 40 };
     Object.assign(this, { c, box, range: { left, right, bottom, top } });
     c.font = letters(12);

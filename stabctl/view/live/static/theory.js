@@ -5,7 +5,7 @@ const theory = {
   asking: null,
 
   build() {
-    const choice = element("select", { id: "theory-machine" }, ...live.case.machines.map((m) => element("option", { value: m[3], textContent: `machine ${m[0]}` })));
+    const choice = element("select", { id: "theory-machine", ariaLabel: "Machine" }, ...live.case.machines.map((m) => element("option", { value: m[3], textContent: `machine ${m[0]}` })));
     choice.onchange = () => ((this.machine = +choice.value), this.ask());
     this.areas = element("canvas");
     this.plane = element("canvas");
@@ -52,6 +52,8 @@ const theory = {
     $("theory-machine").value = found.machine;
     const fault = `Three-phase fault at the terminal of machine ${found.name}, cleared after ${found.clear} cycles${found.level === 100 ? "" : `, load level ${found.level} %`}`;
     this.said.textContent = `${fault}. ${found.text} Critical clearing time of this fault in this theory: ${found.critical.toFixed(2)} cycles.`;
+    this.areas.setAttribute("aria-label", `Equal areas: ${found.text}`);
+    this.plane.setAttribute("aria-label", `Phase plane: the machine ${found.stable ? "returns" : "leaves"}`);
     this.marked();
     this.draw();
   },

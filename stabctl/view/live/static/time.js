@@ -1,15 +1,16 @@
 "use strict";
 // The Time view: curves of the signals chosen, without and with control side by side, played back.
 const time = {
-  charts: [], built: "",
+  charts: [], built: "", pinned: null,
 
   build() { // the charts that the state asks for
     const { signals, compare } = live.state, both = compare && "bare." in live.run.head.runs;
-    const key = [signals, both, live.run.arrays.storage?.length ?? 0, $("charts").clientWidth].join();
+    const key = [signals, both, live.run.arrays.storage?.length ?? 0, this.pinned?.number, $("charts").clientWidth].join();
     if (key === this.built) return;
     this.built = key;
     for (const { plot } of this.charts) plot.destroy();
-    const wide = both && $("charts").clientWidth > 700, height = Math.max(190, Math.min(420, (0.62 * innerHeight) / signals.length));
+    const wide = both && $("charts").clientWidth > 700, share = innerWidth < 1000 ? 0.3 : innerWidth < 1700 ? 0.5 : 0.64;
+    const height = Math.max(innerWidth < 1000 ? 140 : 190, (share * innerHeight) / signals.length); // on a phone the sliders stay in sight
     const machines = live.case.machines.map((m) => m[0]), rotors = live.case.rotors.map((i) => machines[i]);
     $("charts").replaceChildren();
     $("charts").style.display = wide ? "grid" : "block";
@@ -20,8 +21,12 @@ const time = {
       const place = element("div", { className: "chart" });
       $("charts").append(place);
       const title = both ? (prefix ? "without storage" : "with storage") : " ";
-      const made = chart(place, signal, title, signal === "speed" || signal === "angle" ? rotors : machines, height);
-      this.charts.push({ ...made, prefix });
+      const ghosts = this.pinned?.arrays[prefix + signal]?.length ?? 0, names = signal === "speed" || signal === "angle" ? rotors : machines;
+      const made = chart(place, signal, title, names, height, ghosts);
+      place.append(tools(made));
+      place.setAttribute("role", "group");
+      place.setAttribute("aria-label", `${live.case.style.labels[signal]} over time${both ? `, ${title}` : ""}`);
+      this.charts.push({ ...made, prefix, ghosts });
     }
   },
 
@@ -29,13 +34,31 @@ const time = {
     if (!live.run) return;
     this.build();
     const { arrays, head } = live.run;
-    for (const { plot, signal, prefix, setLost } of this.charts) {
+    for (const { plot, signal, prefix, ghosts, set } of this.charts) {
       const curves = arrays[prefix + signal];
       if (!curves) continue;
       const rotors = signal === "speed" || signal === "angle", lost = head.runs[prefix]?.lost ?? [];
-      setLost(rotors ? lost : lost.map((r) => live.case.rotors[r]));
-      plot.setData([arrays[`${prefix}time`], ...curves]);
+      set(rotors ? lost : lost.map((r) => live.case.rotors[r]), curves);
+      const mine = [arrays[`${prefix}time`], ...curves], past = this.pinned?.arrays;
+      plot.setData(ghosts ? uPlot.join([mine, [past[`${prefix}time`], ...past[prefix + signal]]]) : mine);
     }
+  },
+
+  pin() { // keep this run as dashed curves, or let it go
+    const { clear, fault, trip } = live.state;
+    this.pinned = this.pinned ? null : { ...live.run, number: live.answers, of: structuredClone({ fault, trip, clear, ...settings() }) };
+    $("pin").textContent = this.pinned ? "unpin" : "pin";
+    this.compared();
+    this.draw();
+  },
+
+  compared() { // what is different from the pinned run, in words
+    if (!this.pinned) return void ($("pinned").textContent = "");
+    const { clear, fault, trip } = live.state, words = (s) => [`fault ${s.fault}${s.trip ? `, ${s.trip} opened` : ""}`, `${s.clear} cycles`, ...inWords(s).split(", ")];
+    const [then, now] = [words(this.pinned.of), words({ fault, trip, clear, ...settings() })];
+    const was = then.filter((w) => !now.includes(w)), is = now.filter((w) => !then.includes(w));
+    const change = was.length + is.length ? `${was.join(", ") || "the same"}; now ${is.join(", ") || "without it"}` : "these settings";
+    $("pinned").textContent = `Pinned, dashed: ${change}. It said: ${this.pinned.head.runs[""].message}`;
   },
 
   play() {
@@ -74,8 +97,10 @@ const running = new Asking(
 function answered(buffer) {
   const run = unpack(buffer);
   if (run.head.error) return failed(run.head.error);
-  live.run = run;
+  const ends = Object.entries(run.arrays).filter(([name]) => /^(bare\.)?time$/.test(name)).map(([, t]) => t.at(-1));
+  live.run = { ...run, end: Math.max(...ends) };
   live.answers++;
+  time.compared();
   const { stable, message } = run.head.runs[""], other = run.head.runs["bare."];
   verdict(message + (other ? ` Without storage: ${other.message}` : ""), stable ? "good" : "bad");
   copyable();
