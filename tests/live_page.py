@@ -22,6 +22,9 @@ def program():
     return found
 
 
+START = "#fault=7-8%400.5&trip=&clear=6"  # of two_area
+
+
 @contextmanager
 def served(*words):
     """Run `stabctl live` with these arguments; gives the address of the page."""

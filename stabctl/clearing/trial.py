@@ -219,7 +219,7 @@ class Trial:
     def events(self, k: int) -> list[Event]:
         """The fault cleared at the grid's point k, and what else happens."""
         other = (replace(e, at=e.at + self.at) for e in self.others)
-        return [*self.placed.between(self.at, self.cleared(k)), *other]
+        return [*self.placed.lasting(self.duration(k), self.at), *other]
 
     def attempt(self, k: int) -> Run:
         """What the run cleared at the grid's point k shows."""

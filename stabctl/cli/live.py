@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from . import groups, shared
+from . import groups, options, shared
 from .parameters import Option
 
 if TYPE_CHECKING:
@@ -14,16 +14,27 @@ Browser = Annotated[bool, Option("--browser/--no-browser", help="Open the page i
 READ = "dyr", "loads", "machines", "frequency", "missing", "missing_controls"  # arguments of `st.load`
 
 
-def live(*, port: Port = 0, browser: Browser = True, case: groups.CaseOptions) -> None:
+def live(
+    *, port: Port = 0, browser: Browser = True, controller: options.Controllers = None, case: groups.CaseOptions
+) -> None:
     """Open a page that simulates while you move the fault, its clearing time, the storage and its control."""
+    from stabctl._util.errors import StudyError
+    from stabctl.controllers import Law
     from stabctl.view.live.serve import PARTS, serve, warm
+    from stabctl.view.live.state import Points
+
+    files = dict(zip(controller or (), shared.controllers(controller), strict=True))
+    laws = [name for name, one in files.items() if isinstance(one, Law)]
+    if len(laws) > 1:
+        raise StudyError("Two files of --controller contain a storage law; give only one.")
+    acting = tuple(name for name in files if name not in laws)
 
     def said(address: str) -> None:
         shared.console().print(f"{address}\nCtrl-C ends it.", soft_wrap=True)
 
     with shared.progress("preparing the page:", PARTS) as told:
-        points = warm(case.load(), told)
-    serve(points, source(case), port=port, browser=browser, said=said)
+        points = warm(Points(case.load(), [*files.values()]), told)
+    serve(points, source(case)._replace(controllers=acting, law="".join(laws)), port=port, browser=browser, said=said)
 
 
 def source(case: groups.CaseOptions) -> "Source":

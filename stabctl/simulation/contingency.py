@@ -183,22 +183,26 @@ class Contingency:
         events = list(self.others(case))
         if self.fault is None and not self.trip:
             return tuple(events)
-        return *events, *self.placed(case).between(self.starts(case), self.cleared(case))
+        self.cleared(case)  # or it says that there is no clearing time
+        return *events, *self.placed(case).lasting(seconds(self.clear or 0.0, case.frequency_hz), self.starts(case))
 
-    def between(self, begin: float, end: float) -> tuple[Event, ...]:
+    def lasting(self, duration: float, begin: float) -> tuple[Event, ...]:
         """The fault, its clearing, and the circuits opened then.
 
         Parameters
         ----------
-        begin, end : float, s
-            Instants of the fault and of its clearing.
+        duration : float, s
+            How long the fault lasts.
+        begin : float, s
+            Instant of the fault.
 
         Returns
         -------
         tuple of event
         """
         events: list[Event] = []
-        if self.fault is not None and end > begin:
+        end = begin + duration
+        if self.fault is not None and duration > 0:
             events.append(Fault(self.fault, begin, self.impedance))
             if isinstance(self.fault, str):
                 events.append(Clear(self.fault, end))

@@ -23,6 +23,7 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.outcome import Kind
 from stabctl.view.live import answers
+from stabctl.view.live.commands import Source
 from stabctl.view.live.state import Points, State
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
@@ -170,7 +171,7 @@ def test_what_reads_a_screen_knows_circuits_with_identifiers(identified, tmp_pat
         contingency.with_clear("6cyc").check(point.case)
     assert found.report(tmp_path, base=point).read_text().count("<title>") >= 2 * len(found.pairs)
     told = []
-    answers.landscape(Points(point.case), State("101"), told.append)
+    answers.landscape(Points(point.case), State("101"), Source("", ()), told.append)
     rows = [row for message in told for row in message.get("pairs", ())]
     assert {(row[0], row[1]) for row in rows} == {(p.fault, p.trip[0]) for p in found.pairs}
 

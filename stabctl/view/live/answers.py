@@ -16,17 +16,19 @@ import numpy as np
 
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.schema import fields
-from stabctl.clearing import ClearingTime, clearing_time, screen
+from stabctl.clearing import ClearingTime, clearing_time, lines, screen
 from stabctl.clearing.trial import Run
-from stabctl.controllers import Law
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.model.case import Case
 from stabctl.model.tables import models, of_role
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.control import Control
 from stabctl.simulation.criterion import Criterion
+from stabctl.simulation.events import Fault
 from stabctl.simulation.outcome import Kind
 from stabctl.simulation.simulate import simulate
+from stabctl.simulation.simulation import run
 from stabctl.simulation.trajectory import Trajectory
 from stabctl.smallsignal import areas
 from stabctl.smallsignal.analysis import modes
@@ -43,6 +45,8 @@ WATCHED = Criterion(max_angle=np.inf, slowest=0.0, fastest=np.inf, low_voltage_s
 FRAMES = 20.0  # a second, of voltages and angles for the diagram
 NONE, MOST = -32768, 32000  # of the numbers sent: no value, the largest
 ROLES = "stabilizer", "exciter", "governor"
+SUSTAINED = 2.0  # s   that a lasting fault is watched
+SEARCHED, MOST_CYCLES = 400, 30.0  # lines of a system whose worst fault is searched for; the end of the slider
 FINE = "0.015625cyc"  # resolution of the second search
 LONGEST = 3.0  # s   of the motion in the phase plane
 Arrays = dict[str, np.ndarray]
@@ -52,9 +56,10 @@ Tell = Callable[[dict[str, Any]], None]
 def run_answer(points: Points, state: State, load: commands.Source) -> bytes:
     """The run of a state, and the same without storage if the page compares them."""
     begun = time.perf_counter()
-    found = {"": _runs(points.of(state), state.contingency, state.control(points.case.frequency_hz))}
+    found = {"": _runs(points.of(state), state.contingency, points.control(state))}
     if state.compare and state.stored:
-        found["bare."] = _runs(points.bare(state), state.contingency, None)
+        bare = replace(state, percent=0.0, megawatts={})
+        found["bare."] = _runs(points.of(bare), state.contingency, points.control(bare))
     ran = time.perf_counter()
     arrays: Arrays = {}
     for name, (_, drawn) in found.items():
@@ -72,7 +77,25 @@ def run_answer(points: Points, state: State, load: commands.Source) -> bytes:
     return pack(head, arrays)
 
 
-def _runs(point: OperatingPoint, contingency: Contingency, control: Law | None) -> tuple[Trajectory, Trajectory]:
+def opening(points: Points) -> State:
+    """The settings with which the page opens: one cycle beyond the limit of the worst fault known.
+
+    Its bus is the one where a lasting fault ends synchronism first, its line the one there with the shortest clearing
+    time. In a system of more than `SEARCHED` lines, and where nothing is lost, the fault is on the first line.
+    """
+    first, found = State(), lines(points.case).screened
+    point, control, soonest, worst = points.bare(first), points.control(first), SUSTAINED, ""
+    for bus in dict.fromkeys(str(end) for k in found for end in (k.a, k.b)) if len(found) <= SEARCHED else ():
+        end = run(point, [Fault(bus, 0.0)], soonest, control, record=False).outcome
+        if not end.stable and end.time_s < soonest:
+            soonest, worst = end.time_s, bus
+    pairs = [p for p in screen(point, control=control, buses=worst).pairs if p.cycles] if worst else []
+    if pairs:
+        return State(pairs[0].fault, str(pairs[0].trip[0]), min((pairs[0].cycles or 0.0) + 1, MOST_CYCLES))
+    return replace(first, fault=f"{found[0]}@0.5" if found else str(points.case.buses[0].bus))
+
+
+def _runs(point: OperatingPoint, contingency: Contingency, control: Control) -> tuple[Trajectory, Trajectory]:
     """A run, and what is drawn of it: if synchronism is lost, one that is watched a little longer."""
     run = simulate(point, contingency, UNTIL, control=control)
     if run.outcome.kind is not Kind.LOST_SYNCHRONISM:
@@ -182,7 +205,7 @@ def critical(points: Points, state: State, load: commands.Source, tell: Tell) ->
         low, high = (max(low, run.cycles), high) if run.stable else (low, min(high, run.cycles))
         tell({"low": min(low, high), "high": high if high < float("inf") else None})
 
-    options: dict[str, Any] = {"control": state.control(points.case.frequency_hz), "progress": ran}
+    options: dict[str, Any] = {"control": points.control(state), "progress": ran}
     found = clearing_time(point, state.contingency, **options)
     tell(_answer(found) | copy)
     if found.status == "found":
@@ -210,7 +233,7 @@ def landscape(points: Points, state: State, load: commands.Source, tell: Tell) -
 
     found = screen(
         points.of(state),
-        control=state.control(points.case.frequency_hz),
+        control=points.control(state),
         each=each,
         progress=lambda done, of: tell({"done": done, "of": of}),
     )

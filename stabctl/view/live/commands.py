@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from stabctl.model.case import Case
 
-from .state import State
+from .state import FILE, State
 
 
 class Source(NamedTuple):
@@ -13,6 +13,8 @@ class Source(NamedTuple):
 
     python: str
     words: tuple[str, ...]
+    controllers: tuple[str, ...] = ()  # files
+    law: str = ""  # file of a law
 
 
 Lines = dict[str, str]
@@ -38,7 +40,7 @@ def lines(load: Source, case: Case, state: State) -> dict[str, Lines]:
             "screen": ["screen", *load.words],
         }
         for kind, given in words.items():
-            found[kind]["shell"] = shlex.join(["stabctl", *given, *_options(case, state)])
+            found[kind]["shell"] = shlex.join(["stabctl", *given, *_options(load, case, state)])
     return found
 
 
@@ -68,9 +70,9 @@ def fleet(case: Case, state: State) -> str | dict[int, str]:
     """The storage devices as `with_storage` takes them."""
     if not state.megawatts:
         return f"{state.percent:g}%mva"
-    sizes = {m.machine: state.megawatts.get(m.machine) for m in case.machines}
-    listed = {m: f"{state.percent:g}%mva" if mw is None else f"{mw:g}MW" for m, mw in sizes.items()}
-    return {m: text for m, text in listed.items() if not text.startswith("0")}
+    own = {m.machine: state.megawatts.get(m.machine) for m in case.machines}
+    listed = {m: f"{state.percent:g}%mva" if mw is None else f"{mw:g}MW" for m, mw in own.items()}
+    return {m: text for m, text in listed.items() if (state.percent if own[m] is None else own[m])}
 
 
 def _level(level: float) -> str:
@@ -79,20 +81,30 @@ def _level(level: float) -> str:
 
 def _system(load: Source, case: Case, state: State) -> tuple[str, str]:
     """The case with its storage, and the argument for the law."""
-    text, control = f"{load.python}{_level(state.level)}", ""
+    text, acting = f"{load.python}{_level(state.level)}", [f"st.load_controller({name!r})" for name in load.controllers]
     if state.stored:
         rate = round(case.frequency_hz)
-        text += f".with_storage({fleet(case, state)!r})"
+        model = "" if state.store == "ideal" else f", storage_model={state.store!r}"
+        text += f".with_storage({fleet(case, state)!r}{model})"
         sampled = f".sampled({rate}, {state.delay:g} / {rate})" if state.delay else ""
-        control = f", control=st.{state.plain!r}{sampled}" if state.plain else ""
-    return text, control
+        law = f"st.load_controller({load.law!r})" if state.law == FILE else f"st.{state.plain!r}{sampled}"
+        acting = [law, *acting] if state.plain or state.law == FILE else acting
+    if not acting:
+        return text, ""
+    return text, f", control={acting[0]}" if len(acting) == 1 else f", control=[{', '.join(acting)}]"
 
 
-def _options(case: Case, state: State) -> list[str]:
-    """Storage and its law as words of the command line."""
+def _options(load: Source, case: Case, state: State) -> list[str]:
+    """Storage, its law and controllers as words of the command line."""
+    words = [word for name in load.controllers for word in ("--controller", name)]
     if not state.stored:
-        return []
+        return words
     sizes = fleet(case, state)
     at = isinstance(sizes, dict) and ",".join(f"{m}={size}" for m, size in sizes.items())
-    words = ["--storage-at", at] if at else ["--storage", str(sizes)]
-    return words + (["--control", "none"] if state.law == "idle" else ["--deadband", f"{state.deadband / 1e3:g}"])
+    words += ["--storage-at", at] if at else ["--storage", str(sizes)]
+    words += [] if state.store == "ideal" else ["--storage-model", state.store]
+    if state.law == FILE:
+        return [*words, "--controller", load.law]
+    if state.law == "idle":
+        return [*words, "--control", "none"]
+    return [*words, *(["--control", state.law] if load.controllers else []), "--deadband", f"{state.deadband / 1e3:g}"]

@@ -10,12 +10,13 @@ from typing import Any
 
 from stabctl._util.errors import StudyError
 from stabctl.clearing.screen_result import lines
+from stabctl.devices.storage import MODELS
 
 from ..diagram import OneLine, one_line, storage
 from ..figures.palette import AREAS, CLEARING, COLORS, LABELS, VOLTAGES, css
 from . import answers
 from .commands import Source
-from .state import LAWS, Points, State
+from .state import Points, State
 
 STATIC = Path(__file__).parent / "static"
 SCRIPTS = (
@@ -63,7 +64,6 @@ def about(points: Points) -> dict[str, Any]:
     case, start = points.case, points.bare(State())
     drawn, found = one_line(start), lines(case)
     row, unit = case.row_of_bus, {m.machine: i for i, m in enumerate(case.machines)}
-    fault = f"{found.screened[0]}@0.5" if found.screened else str(case.buses[0].bus)
     return {
         "name": case.name,
         "title": case.title,
@@ -79,8 +79,10 @@ def about(points: Points) -> dict[str, Any]:
         "lines": list(map(str, found.screened)),
         "states": start.layout.nx,
         "gains": answers.gains(case),
-        "laws": LAWS,
-        "fault": fault,
+        "laws": points.laws,
+        "stores": list(MODELS),
+        "controllers": [str(one.name) for one in points.controllers],
+        "first": {name: getattr(points.first, name) for name in ("fault", "trip", "clear")},
         "style": {"colors": COLORS, "areas": AREAS, "voltages": VOLTAGES, "clearing": CLEARING, "labels": LABELS},
     }
 

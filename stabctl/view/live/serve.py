@@ -6,22 +6,22 @@ import sys
 import webbrowser
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from stabctl._util.errors import StudyError
-from stabctl.model.case import Case
 from stabctl.simulation.simulate import simulate
 
-from . import page
+from . import answers, page
 from .commands import Source
-from .state import AT, Points, State
+from .state import AT, Points
 
 if TYPE_CHECKING:
     import uvicorn
 
 
 HOST = "127.0.0.1"
-PARTS = 4
+PARTS = 5
 ENDS = AT + 0.5  # s   of the first simulations
 
 
@@ -67,19 +67,20 @@ def serve(
             running.run([listening])
 
 
-def warm(case: Case, told: Callable[[float, str], None]) -> Points:
-    """The operating points of a case after its first simulations, which compile everything the page needs.
+def warm(points: Points, told: Callable[[float, str], None]) -> Points:
+    """The operating points after their first simulations, which compile everything the page needs.
 
     Calls `told` with the number of parts done, of `PARTS`, and the next one. Raises `StudyError` if the case cannot be
     simulated.
     """
-    points = Points(case)
-    told(0, "diagram")
-    fault = page.about(points)["fault"]
-    states = State(fault), State(fault, percent=1.0), State(fault, percent=1.0, law="feedback")
+    told(0, "worst fault")
+    first = points.first = answers.opening(points)
+    told(1, "diagram")
+    page.about(points)
+    states = first, replace(first, percent=1.0), replace(first, percent=1.0, law="feedback")
     for k, (state, what) in enumerate(zip(states, ("first run", "storage", "feedback"), strict=True)):
-        told(k + 1, what)
-        simulate(points.of(state), state.contingency, ENDS, control=state.control(case.frequency_hz))
+        told(k + 2, what)
+        simulate(points.of(state), state.contingency, ENDS, control=points.control(state))
     return points
 
 

@@ -1,6 +1,6 @@
 """What a page asks for, checked when it arrives, and the operating point that it needs."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from threading import RLock
@@ -8,13 +8,17 @@ from typing import Any
 
 from stabctl._util.errors import StudyError, shown
 from stabctl.controllers import BangBang, Feedback, Law
+from stabctl.controllers.controller import Controller
+from stabctl.devices.storage import MODELS
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.control import Control
 
 AT, UNTIL = 1.0, 10.0  # s   of the fault, and the end of a run
 LAWS = "bang-bang", "feedback", "idle"
+FILE = "file"  # instead of these: the law of a file
 KEPT = 24  # operating points
 
 
@@ -27,6 +31,7 @@ class State:
     clear: float = 6.0  # cycles
     percent: float = 0.0  # MVA   of every machine's rating, of its storage device
     megawatts: Mapping[int, float] = field(default_factory=dict)  # MW, of machines with a rating of their own
+    store: str = "ideal"  # model of the storage devices
     law: str = LAWS[0]
     deadband: float = 100.0  # mHz
     gain: float = 0.1  # pu/(rad/s)   of the feedback
@@ -44,7 +49,7 @@ class State:
     @property
     def plain(self) -> BangBang | Feedback | None:
         """The law of the storage devices without the delay."""
-        if not self.stored or self.law == "idle":
+        if not self.stored or self.law in ("idle", FILE):
             return None
         if self.law == "feedback":
             return Feedback(self.gain, deadband=self.deadband / 1e3)
@@ -72,8 +77,9 @@ def read(given: Any) -> State:
             raise StudyError(f"The page has no setting {name!r}.")
         found[name] = _value(name, value, known[name])
     state = State(**found)
-    if state.law not in LAWS:
-        raise StudyError(f"There is no law {state.law!r}; choose one of {', '.join(LAWS)}.")
+    for what, chosen, known_ones in (("law", state.law, (*LAWS, FILE)), ("storage model", state.store, MODELS)):
+        if chosen not in known_ones:
+            raise StudyError(f"There is no {what} {chosen!r}; choose one of {', '.join(known_ones)}.")
     if not state.level > 0 or min(state.clear, state.percent, state.delay, *state.megawatts.values(), 0) < 0:
         raise StudyError("Times, ratings and the load level cannot be negative.")
     if state.delay != round(state.delay):
@@ -113,10 +119,21 @@ def number(message: dict[str, Any], name: str, default: float | None = None, mos
 
 
 class Points:
-    """Operating points of a case by load level, with and without storage devices: solved once, the last ones kept."""
+    """Operating points of a case by load level, with and without storage devices: solved once, the last ones kept.
 
-    def __init__(self, case: Case) -> None:
+    Parameters
+    ----------
+    case : Case
+        The system.
+    given : sequence of Law or Controller
+        Controllers that act in every run, and a law that can be chosen.
+    """
+
+    def __init__(self, case: Case, given: Sequence[Law | Controller] = ()) -> None:
         self.case, self._lock = case, RLock()
+        self.controllers = [one for one in given if isinstance(one, Controller)]
+        self.first = State()  # with which the page opens
+        self.law = next((one for one in given if not isinstance(one, Controller)), None)
         self._bare = lru_cache(KEPT)(self._solve)
         self._equipped = lru_cache(KEPT)(self._equip)
 
@@ -125,12 +142,23 @@ class Points:
         with self._lock:
             return self._bare(state.level)
 
+    @property
+    def laws(self) -> tuple[str, ...]:
+        """The laws to choose from, that of a file first."""
+        return LAWS if self.law is None else (FILE, *LAWS)
+
+    def control(self, state: State) -> Control:
+        """What acts in a run: the law of the storage devices, and the controllers."""
+        law = self.law if state.law == FILE and state.stored else state.control(self.case.frequency_hz)
+        acting: list[Law | Controller] = [*([] if law is None else [law]), *self.controllers]
+        return tuple(acting) if self.controllers else law
+
     def of(self, state: State) -> OperatingPoint:
         """With the storage devices of the state; without any, `bare`."""
         if not state.stored:
             return self.bare(state)
         with self._lock:
-            point = self._equipped(state.level)
+            point = self._equipped(state.level, state.store)
         base = {m.machine: m.base for m in self.case.machines}
         share = state.percent / 100
         return point.resized(state.megawatts.get(s.machine, share * base[s.machine]) for s in point.case.storage)
@@ -138,6 +166,6 @@ class Points:
     def _solve(self, level: float) -> OperatingPoint:
         return operating_point.solve(self.case if level == 100 else self.case.with_load_level(level / 100))
 
-    def _equip(self, level: float) -> OperatingPoint:
+    def _equip(self, level: float, store: str) -> OperatingPoint:
         bare = self._bare(level)
-        return operating_point.solve(bare.case.with_storage("1%mva"), bare.flow)
+        return operating_point.solve(bare.case.with_storage("1%mva", storage_model=store), bare.flow)

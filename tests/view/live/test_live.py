@@ -13,6 +13,7 @@ import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.cli.groups import CaseOptions
 from stabctl.cli.live import source
+from stabctl.io.control_files import save_law
 from stabctl.theory.phase_plane import separatrix
 from stabctl.theory.two_machine import equivalent
 from stabctl.view.live import answers, commands, page
@@ -157,6 +158,8 @@ def test_equal_areas_begin_with_a_machine_that_has_them(cases):
         {"percent": 1.0, "megawatts": {1: 30.0, 2: 0.0}, "delay": 6.0},
         {"percent": 5.0, "law": "feedback", "level": 95.0},
         {"percent": 5.0, "law": "idle"},
+        {"percent": 0.5, "megawatts": {3: 30.0}},
+        {"percent": 5.0, "store": "regc"},
     ],
 )
 def test_copied_lines_give_the_run_of_the_page(points, settings, capsys, monkeypatch):
@@ -174,6 +177,45 @@ def test_copied_lines_give_the_run_of_the_page(points, settings, capsys, monkeyp
     with pytest.raises(SystemExit):
         main()
     assert json.loads(capsys.readouterr().out)["message"] == head["runs"][""]["message"]
+
+
+@pytest.mark.parametrize("law", ["", "bang-bang", "idle", "file"])
+def test_files_of_controllers_act_in_every_run(cases, tmp_path, capsys, monkeypatch, law):
+    """A damper of the excitation and a storage law, each from a file: the page has the run of the copied lines."""
+    damper = st.Controller("deviation:1", "vs:1", [[-1.0]], [[1.0]], [[-10.0]], [[10.0]], name="damper")
+    names = [str(tmp_path / "damper.toml"), str(tmp_path / "law.toml")]
+    damper.save(names[0])
+    save_law(st.BangBang(0.02), names[1])
+    points = Points(cases("two_area"), [st.load_controller(name) for name in names])
+    load = LOAD._replace(controllers=(names[0],), law=names[1])
+    assert points.laws[0] == "file"
+    state = replace(FAULT, percent=5.0, law=law) if law else FAULT
+    head, arrays = unpacked(answers.run_answer(points, state, load))
+    run = eval(head["copy"]["python"], {"st": st})
+    assert run.outcome.message == head["runs"][""]["message"]
+    n = len(run.time) - 1  # one that is lost is drawn for a second more
+    assert arrays["speed"][:n] == pytest.approx(run.speed.to_numpy()[:n] * 60, abs=1e-4)
+    alone = unpacked(answers.run_answer(Points(cases("two_area")), replace(state, law="bang-bang"), LOAD))[1]["speed"]
+    n = min(len(alone), len(arrays["speed"]), 300)
+    assert np.abs(alone[:n] - arrays["speed"][:n]).max() > 1e-3  # the damper acts
+    from stabctl.cli import main
+
+    monkeypatch.setattr("sys.argv", [*shlex.split(head["copy"]["shell"]), "--json"])
+    with pytest.raises(SystemExit):
+        main()
+    assert json.loads(capsys.readouterr().out)["message"] == head["runs"][""]["message"]
+
+
+@pytest.mark.parametrize("name", ["two_area", "ieee39"])
+def test_the_page_opens_one_cycle_beyond_the_limit_of_a_bad_fault(cases, name):
+    points = Points(cases(name))
+    first = answers.opening(points)
+    pairs = {(p.fault, str(p.trip[0])): p.cycles for p in st.screen(points.case).pairs if p.cycles}
+    assert first.clear == pairs[first.fault, first.trip] + 1
+    assert pairs[first.fault, first.trip] <= sorted(pairs.values())[len(pairs) // 10]  # of the shortest tenth
+    for clear, stable in ((first.clear, False), (first.clear - 1, True)):
+        head, _ = unpacked(answers.run_answer(points, replace(first, clear=clear), LOAD))
+        assert head["runs"][""]["stable"] == stable
 
 
 @pytest.mark.parametrize("settings", [{}, {"percent": 5.0, "deadband": 50.0}])

@@ -10,7 +10,7 @@ from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
 import pytest
-from live_page import browser, served, tab, until
+from live_page import START, browser, served, tab, until
 
 import stabctl as st
 
@@ -33,7 +33,7 @@ def chromium():
 
 @pytest.fixture
 def page(chromium, address):
-    opened = tab(chromium, address)
+    opened = tab(chromium, address + START)
     yield opened
     assert opened.logged == []
     opened.context.close()
@@ -111,7 +111,7 @@ def test_hovering_says_what_is_there(page):
 
 
 def test_tabs_are_independent(chromium, address):
-    first, second = tab(chromium, address), tab(chromium, address)
+    first, second = (tab(chromium, address + START) for _ in range(2))
     before = second.evaluate("[live.state.clear, live.answers]")
     move(first, "clear", 20)
     settled(first)
@@ -214,7 +214,7 @@ def test_a_run_that_fails_leaves_nothing_of_the_one_before(page):
     assert "cannot be initialized" in page.locator("#modes-text").inner_text()
     page.evaluate("change({level: 100, percent: 5})")
     until(page, "!!modes.found")
-    assert "Storage and its law are left out" in page.locator("#modes-left-out").inner_text()
+    assert "Storage, its law and controllers are left out" in page.locator("#modes-left-out").inner_text()
     page.click("#tab-time")
     settled(page)
     assert page.locator(".chart").count() == 1
@@ -349,7 +349,7 @@ def test_a_system_of_two_thousand_buses(chromium):
 @pytest.mark.parametrize("width", [390, 1280, 2560])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_nothing_is_cut_or_overlaps(chromium, address, width, scheme):
-    page = tab(chromium, address, width, 900, scheme)
+    page = tab(chromium, address + START, width, 900, scheme)
     for view in ("time", "modes", "landscape", "theory"):
         page.click(f"#tab-{view}")
         page.wait_for_timeout(300)

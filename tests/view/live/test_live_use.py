@@ -8,7 +8,7 @@ from pathlib import Path
 
 import axe_playwright_python
 import pytest
-from live_page import browser, served, tab, until
+from live_page import START, browser, served, tab, until
 
 import stabctl as st
 
@@ -31,7 +31,7 @@ def chromium():
 
 @pytest.fixture
 def page(chromium, address):
-    opened = tab(chromium, address)
+    opened = tab(chromium, address + START)
     yield opened
     assert opened.logged == []
     opened.context.close()
@@ -67,7 +67,7 @@ def test_the_address_is_the_state(page, chromium):
 
 def test_an_address_that_was_edited_does_no_harm(chromium, address):
     wrong = "clear=-5&percent=1e9&law=magic&signals=x,speed&megawatts=99:5,1:-3,2:7&level=x&view=none&compare=1&zz=1"
-    page = tab(chromium, f"{address}#{wrong}")
+    page = tab(chromium, f"{address}#fault=7-8%400.5&trip=&{wrong}")
     state = page.evaluate("live.state")
     assert (state["clear"], state["percent"], state["law"], state["signals"]) == (0, 20, "bang-bang", ["speed"])
     assert (state["megawatts"], state["level"], state["compare"]) == ({"2": 7}, 100, False)
@@ -204,7 +204,7 @@ def test_fingers_on_a_phone(chromium, address):
     """One finger scrolls the page, two enlarge the diagram, a tap places the fault; the chart stays in sight."""
     context = chromium.new_context(viewport={"width": 390, "height": 780}, has_touch=True, is_mobile=True)
     page = context.new_page()
-    page.goto(address)
+    page.goto(address + START)
     until(page, "typeof live === 'object' && !!live.run")
     assert page.evaluate("getComputedStyle(document.getElementById('diagram')).touchAction") == "pan-y"
     session = context.new_cdp_session(page)
@@ -237,7 +237,7 @@ def test_the_page_is_accessible(chromium, address, scheme):
     """No finding of axe-core that is serious or critical, in any view, with results that are stale, too."""
     context = chromium.new_context(viewport={"width": 1280, "height": 900}, color_scheme=scheme, bypass_csp=True)
     page = context.new_page()
-    page.goto(address)
+    page.goto(address + START)
     until(page, "typeof live === 'object' && !!live.run")
     page.evaluate(AXE)
     found = {}
@@ -270,8 +270,9 @@ def test_colors_of_clearing_times_are_monotone_in_lightness():
 
 def test_progress_until_the_address_is_printed():
     from stabctl.view.live.serve import PARTS, warm
+    from stabctl.view.live.state import Points
 
     told = []
-    warm(st.load("two_area"), lambda done, what: told.append((done, what)))
+    warm(Points(st.load("two_area")), lambda done, what: told.append((done, what)))
     assert [done for done, _ in told] == list(range(PARTS))
     assert all(re.fullmatch(r"[a-z ]+", what) for _, what in told)

@@ -29,7 +29,7 @@ const address = {
   value(name, first, text) {
     if (text === null) return undefined;
     if (typeof first === "boolean") return text === "true";
-    if (typeof first === "string") return name !== "law" || live.case.laws.includes(text) ? text : undefined;
+    if (typeof first === "string") return { law: live.case.laws, store: live.case.stores }[name]?.includes(text) ?? true ? text : undefined;
     if (Array.isArray(first)) return SIGNALS.filter((s) => text.split(",").includes(s));
     const known = new Set(live.case.machines.map((m) => String(m[3]))), pairs = text.split(",").map((pair) => pair.split(":"));
     const limit = CONTROLS.find((c) => c.id === name) ?? { min: 0, max: 1e5 };

@@ -5,9 +5,9 @@ const CONTROLS = [
   { id: "along", name: "fault along the line", min: 0, max: 100, step: 1, say: (v) => `${v} %`, when: (s) => s.fault.includes("@") },
   { id: "percent", name: "storage of every machine", min: 0, max: 20, step: 0.5, say: (v) => `${v} % of MVA` },
   { id: "own", name: "storage of", min: 0, max: 100, step: 1, say: (v) => `${v} MW` },
-  { id: "deadband", name: "deadband", min: 0, max: 500, step: 10, say: (v) => `${v} mHz`, when: stored },
+  { id: "deadband", name: "deadband", min: 0, max: 500, step: 10, say: (v) => `${v} mHz`, when: (s) => stored(s) && !["idle", "file"].includes(s.law) },
   { id: "gain", name: "gain of the feedback", min: 0, max: 1, step: 0.01, say: (v) => `${v} pu/(rad/s)`, when: (s) => stored(s) && s.law === "feedback" },
-  { id: "delay", name: "communication delay of the law", min: 0, max: 30, step: 1, say: (v) => `${v} cycles, ${((1e3 * v) / live.case.hz).toFixed(0)} ms`, when: (s) => stored(s) && s.law !== "idle" },
+  { id: "delay", name: "communication delay of the law", min: 0, max: 30, step: 1, say: (v) => `${v} cycles, ${((1e3 * v) / live.case.hz).toFixed(0)} ms`, when: (s) => stored(s) && !["idle", "file"].includes(s.law) },
   { id: "level", name: "load level", min: 50, max: 130, step: 1, say: (v) => `${v} %` },
 ];
 
@@ -44,10 +44,12 @@ const controls = {
     trip.onchange = () => change({ trip: trip.value });
     const law = element("select", { id: "law" }, ...live.case.laws.map((l) => element("option", { value: l, textContent: l })));
     law.onchange = () => change({ law: law.value });
+    const store = element("select", { id: "store" }, ...live.case.stores.map((m) => element("option", { value: m, textContent: m })));
+    store.onchange = () => change({ store: store.value });
     const compare = element("input", { type: "checkbox", id: "compare" });
     compare.onchange = () => change({ compare: compare.checked });
     const row = (id, text, ...parts) => element("div", { className: "control", id: `box-${id}` }, element("label", { htmlFor: id }, text), ...parts);
-    $("controls").append(row("trip", "line opened to clear the fault", trip), row("law", "law of the storage", law), row("required", "required clearing time (cycles)", required, element("div", { className: "note", id: "note-required" })),
+    $("controls").append(row("trip", "line opened to clear the fault", trip), row("store", "model of the storage", store), row("law", "law of the storage", law), row("required", "required clearing time (cycles)", required, element("div", { className: "note", id: "note-required" })),
       element("div", { className: "control", id: "box-compare" }, element("label", { htmlFor: "compare" }, "without storage beside it", compare)));
     for (const signal of SIGNALS) {
       const chip = element("button", { type: "button", textContent: { speed: "speeds", angle: "angles", voltage: "voltages", storage: "storage power" }[signal], id: `signal-${signal}` });
@@ -122,8 +124,9 @@ const controls = {
       $("trip").replaceChildren(...names.map((n) => element("option", { value: n, textContent: n || "none" })));
       $("trip").value = s.trip;
     }
-    $("box-law").hidden = $("box-compare").hidden = !stored(s);
+    $("box-law").hidden = $("box-store").hidden = $("box-compare").hidden = !stored(s);
     $("law").value = s.law;
+    $("store").value = s.store;
     $("compare").checked = s.compare;
     for (const signal of SIGNALS) $(`signal-${signal}`).setAttribute("aria-pressed", s.signals.includes(signal));
     $("signal-storage").disabled = !stored(s) || !!live.recorded;

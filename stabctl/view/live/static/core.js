@@ -25,15 +25,15 @@ function ink() {
 }
 
 // What results depend on besides the case and the fault: the load level, storage and its law.
-function settings({ level, percent, megawatts, law, deadband, gain, delay } = live.state) {
+function settings({ level, percent, megawatts, store, law, deadband, gain, delay } = live.state) {
   if (!stored({ percent, megawatts })) return { level };
-  const acting = { idle: {}, feedback: { deadband, delay, gain } }[law] ?? { deadband, delay };
-  return { level, percent, megawatts, law, ...acting };
+  const acting = { idle: {}, file: {}, feedback: { deadband, delay, gain } }[law] ?? { deadband, delay };
+  return { level, percent, megawatts, store, law, ...acting };
 }
 
-function inWords({ level, percent = 0, megawatts = {}, law, deadband, gain, delay }) {
+function inWords({ level, percent = 0, megawatts = {}, store, law, deadband, gain, delay }) {
   const own = Object.entries(megawatts).map(([m, mw]) => `, ${mw} MW at machine ${m}`).join("");
-  const parts = [`${percent} % storage${own}`, law, deadband !== undefined && `deadband ${deadband} mHz`,
+  const parts = [`${percent} % storage${own}`, store !== "ideal" && store, law, deadband !== undefined && `deadband ${deadband} mHz`,
     gain !== undefined && `gain ${gain} pu/(rad/s)`, delay && `delay ${delay} cycles`, `load level ${level} %`];
   return parts.filter(Boolean).join(", ");
 }

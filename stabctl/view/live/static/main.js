@@ -114,7 +114,7 @@ function redraw() { // after a change of size or of light
 
 async function start() {
   live.case = live.recorded?.case ?? (await (await fetch("case")).json());
-  const { name, title, fault } = live.case;
+  const { name, title, first } = live.case;
   document.title = `${name}: stabctl live`;
   $("name").textContent = name;
   $("name").title = title;
@@ -125,7 +125,7 @@ async function start() {
     tab.hidden = !!live.recorded && !!known && !live.recorded.results[known];
     $("tabs").append(tab);
   }
-  live.state = { fault, trip: "", clear: 6, percent: 0, megawatts: {}, law: live.case.laws[0], deadband: 100, gain: 0.1, delay: 0, level: 100, compare: false, required: 0, signals: ["speed"], ...live.recorded?.state };
+  live.state = { ...first, percent: 0, megawatts: {}, store: "ideal", law: live.case.laws[0], deadband: 100, gain: 0.1, delay: 0, level: 100, compare: false, required: 0, signals: ["speed"], ...live.recorded?.state };
   if (live.recorded) live.state.clear = live.recorded.clear;
   controls.build();
   mouse();

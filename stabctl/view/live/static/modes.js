@@ -48,7 +48,8 @@ const modes = {
 
   marked() {
     this.faded(!!live.recorded && !!this.found && this.found.level !== live.state.level);
-    this.left.textContent = stored(live.state) ? "Storage and its law are left out: these are the modes of the machines and their controls." : "";
+    this.left.textContent = stored(live.state) || live.case.controllers.length
+      ? "Storage, its law and controllers are left out: these are the modes of the machines and their own controls." : "";
   },
 
   failed(text) { // no equilibrium with these settings, so nothing is shown
