@@ -57,14 +57,16 @@ def serve(
             reason = getattr(error, "strerror", None) or "it is not a port"
             raise StudyError(f"Port {port} cannot be used: {reason}; choose another with --port.") from None
         port = listening.getsockname()[1]
-        running = server(points, load, token, port)
         address = f"http://{HOST}:{port}/{token}/"
         listening.listen()  # a browser that is quicker than the server waits for it
-        with suppress(KeyboardInterrupt):
+
+        def ready() -> None:
             said(address)
             if browser:
                 webbrowser.open(address)
-            running.run([listening])
+
+        with suppress(KeyboardInterrupt):
+            server(points, load, token, port, ready).run([listening])
 
 
 def warm(points: Points, told: Callable[[float, str], None]) -> Points:
@@ -84,13 +86,16 @@ def warm(points: Points, told: Callable[[float, str], None]) -> Points:
     return points
 
 
-def server(points: Points, load: Source, token: str, port: int) -> "uvicorn.Server":
-    """The server of a page, to be run with a socket."""
+def server(points: Points, load: Source, token: str, port: int, ready: Callable[[], None]) -> "uvicorn.Server":
+    """The server of a page, to be run with a socket; `ready` is called as soon as Ctrl-C ends it in order."""
     import uvicorn
 
     from .app import app
 
+    class Told(uvicorn.Server):
+        async def startup(self, sockets: Any = None) -> None:
+            await super().startup(sockets)
+            ready()
+
     options: Any = {"log_level": "critical", "lifespan": "off", "server_header": False}
-    return uvicorn.Server(
-        uvicorn.Config(app(points, load, token, port), timeout_graceful_shutdown=1, ws="none", **options)
-    )
+    return Told(uvicorn.Config(app(points, load, token, port), timeout_graceful_shutdown=1, ws="none", **options))

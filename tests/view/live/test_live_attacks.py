@@ -24,7 +24,7 @@ def port(cases):
         listening.bind((HOST, 0))
         listening.listen()
         port = listening.getsockname()[1]
-        running = server(Points(cases("two_area")), commands.Source("", ()), TOKEN, port)
+        running = server(Points(cases("two_area")), commands.Source("", ()), TOKEN, port, lambda: None)
         thread = threading.Thread(target=running.run, args=([listening],))
         thread.start()
         yield port
