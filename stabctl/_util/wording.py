@@ -1,8 +1,11 @@
 """Numbers, nouns and lists in sentences."""
 
+import re
 from collections.abc import Iterable, Sequence
 
 PLURALS = {"branch": "branches", "bus": "buses", "contingency": "contingencies"}
+
+ALIKE = 4  # sentences that are told as one
 
 
 def named(number: int, noun: str) -> str:
@@ -30,3 +33,23 @@ def enumerated(noun: str, names: Iterable[object]) -> str:
 def number(value: float, digits: int) -> str:
     """Format a number with so many decimals; zero has no sign."""
     return f"{round(value, digits) + 0.0:.{digits}f}"
+
+
+def together(sentences: Iterable[str]) -> list[str]:
+    """The sentences; those that differ only in numbers and names with digits are one, with what differs in the others.
+
+    Fewer than `ALIKE` of them stay as they are.
+    """
+    alike: dict[str, list[str]] = {}
+    for sentence in sentences:
+        alike.setdefault(re.sub(r"\S*\d\S*", "#", sentence), []).append(sentence)
+    return [one for group in alike.values() for one in (group if len(group) < ALIKE else [_as_one(group)])]
+
+
+def _as_one(group: Sequence[str]) -> str:
+    """The first of sentences with equally many words, and the words in which each of the others differs from it."""
+    first, *others = (sentence.split() for sentence in group)
+    told = [
+        " ".join(b.strip(",:;.") for a, b in zip(first, one, strict=True) if a != b) or "the same" for one in others
+    ]
+    return f"{group[0]} Alike, {len(others)} more: {'; '.join(told[:8])}{'; ...' if len(told) > 8 else '.'}"

@@ -13,6 +13,7 @@ from stabctl._util.errors import StabctlError, one_line, sentence
 
 from .parameters import Commands
 
+COMPLETION = "_STABCTL_COMPLETE"
 CLOSED_PIPE = 141  # exit code; what a shell reports for a program ended by SIGPIPE
 
 COMMANDS: dict[str, str | click.Command] = {
@@ -42,6 +43,7 @@ COMMANDS: dict[str, str | click.Command] = {
             "lqr": "design.lqr",
             "lqg": "design.lqg",
         },
+        short_help="Design controllers.",
     ),
     "live": "live.live",
     "linearize": "linear.linearize",
@@ -53,10 +55,12 @@ COMMANDS: dict[str, str | click.Command] = {
             "feedback": "swing.feedback",
             "minimum-time": "swing.minimum_time",
         },
+        short_help="Theory of one and two machines.",
     ),
     "sweep": Commands(
         "Run many simulations from one study file, on all cores or a Dask cluster.",
         {"run": "sweep.run", "show": "sweep.show"},
+        short_help="Run many simulations from one study file.",
     ),
 }
 version = click.version_option(package_name="stabctl", message="stabctl %(version)s", help="Print the version.")
@@ -78,6 +82,8 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # a character that the terminal does not have
+    if COMPLETION in os.environ:  # a shell asks what may come next
+        app.main(prog_name="stabctl", complete_var=COMPLETION)
     gc.disable()  # collecting garbage while libraries load would cost an eighth of a short command
     try:
         code = _run(sys.argv[1:])

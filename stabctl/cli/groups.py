@@ -36,8 +36,10 @@ class CaseOptions(NamedTuple):
     def load(self) -> "Case":
         """The case with its settings (`pss.1.K=10`) applied; what is noted or unusual goes to stderr."""
         case = self.read()
-        shared.warn(case.notes, self.verbose)
-        shared.tell(self.check(case), self.words, self.verbose)
+        unusual = self.check(case)
+        shared.warn(case.notes, self.verbose, "" if self.verbose else unusual.told(self.words))
+        for sentence in unusual.sentences() if self.verbose else ():
+            shared.warn((), True, sentence)
         return case
 
     def check(self, case: "Case") -> "UnusualData":

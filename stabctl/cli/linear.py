@@ -112,11 +112,18 @@ def modes(
 
 
 def _show(found: "Modes", band: tuple[float, float], groups: "Areas | None") -> None:
+    from stabctl._util.wording import listed
+
     out = shared.console()
-    out.print(_table(found, found.within(*band)))
-    for k in range(len(found)):
-        if found.eigenvalues[k] == 0:
-            out.print(f"Zero eigenvalue: {found.label(k)}; not an instability.")
+    swings_first = sorted(
+        found.within(*band), key=lambda k: not found.electromechanical[k] and found.damping_ratio[k] + 1
+    )
+    out.print(_table(found, swings_first))
+    zeros = [found.label(k) for k in range(len(found)) if found.eigenvalues[k] == 0]
+    if zeros:
+        one = len(zeros) == 1
+        head = "Zero eigenvalue, not an instability" if one else f"{len(zeros)} zero eigenvalues, no instabilities"
+        out.print(f"{head}: {listed(zeros, 4)}.")
     out.print(str(found))
     if groups:
         out.print(f"{groups}.")

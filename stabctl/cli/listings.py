@@ -20,6 +20,7 @@ DyrFile = Annotated[
     Path | None,
     Argument(metavar="X.dyr", help="DYR file (default: the one with the same name in the same folder)."),
 ]
+Csv = Annotated[bool, Option("--csv", help="Print the header of the table's CSV file and nothing else.")]
 Out = Annotated[Path | None, Option("--out", help="Write the case to a folder, which every command accepts.")]
 Check = Annotated[bool, Option("--check/--no-check", help="Compare with the stored voltages, start, and simulate 2 s.")]
 INCOMPLETE = 1  # exit code
@@ -46,7 +47,9 @@ def cases(as_json: options.Json = False) -> None:
     shared.console().print(table)
 
 
-def tables(name: TableName = None, device: options.Device = None, as_json: options.Json = False) -> None:
+def tables(
+    name: TableName = None, device: options.Device = None, csv: Csv = False, as_json: options.Json = False
+) -> None:
     """List the columns of a case's tables with their meaning, allowed values and default."""
     from stabctl import io
     from stabctl._util.errors import StudyError
@@ -62,6 +65,11 @@ def tables(name: TableName = None, device: options.Device = None, as_json: optio
         shown = {table: rows for table, rows in known.items() if table in case.devices or getattr(case, table, None)}
     else:
         raise StudyError(f"There is no table or case {name!r}; the tables are {', '.join(known)}.")
+    if csv:
+        if name not in known:
+            raise StudyError("--csv prints the header of one table; name it, such as stabctl tables genrou --csv.")
+        print(",".join(f.column for f in known[name]))
+        return
     if as_json:
         rows = {
             table: [

@@ -49,8 +49,16 @@ def register(files: list[str] | None) -> list[str] | None:
     return files
 
 
+def cases() -> list[str]:
+    """The packaged cases."""
+    from stabctl import io
+
+    return list(io.packaged())
+
+
 CaseName = Annotated[
-    str, Argument(metavar="CASE", help="A packaged case, a folder, a PSS/E file x.raw, or a MATPOWER or PST file x.m.")
+    str,
+    Argument("CASE", "A packaged case, a folder, a PSS/E file x.raw, or a MATPOWER or PST file x.m.", cases),
 ]
 Dyr = Annotated[Path | None, Option("--dyr", help="DYR file of x.raw (default: x.dyr in the same folder).")]
 Loads = Annotated[

@@ -9,6 +9,8 @@ from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hint
 
 import click
 
+from .guide import GUIDES, PANEL, PANELS
+
 
 class Option(NamedTuple):
     """An option. It may be repeated if the parameter is a list, and has two values if that is a pair."""
@@ -27,6 +29,30 @@ class Argument(NamedTuple):
 
     metavar: str
     help: str
+    known: Callable[[], list[str]] | None = None  # what a shell completes, beside files
+
+
+class Command(click.Command):
+    """A command whose help has its options in panels, and two examples."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options, panel by panel."""
+        panels: dict[str, list[tuple[str, str]]] = {"": [], **{panel: [] for panel in PANELS}}
+        for one in self.get_params(ctx):
+            record = one.get_help_record(ctx) if isinstance(one, click.Option) else None
+            if record:
+                panels[PANEL.get(one.opts[-1], "")].append(record)
+        for title, rows in panels.items():
+            if rows:
+                with formatter.section(title or "Options"):
+                    formatter.write_dl(rows)
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the examples."""
+        if self.name in GUIDES:
+            with formatter.section("Examples"):
+                for example in GUIDES[self.name].examples:
+                    formatter.write(f"{'':{formatter.current_indent}}{ctx.command_path} {example}".rstrip() + "\n")
 
 
 class Commands(click.Group):
@@ -78,7 +104,8 @@ def command(function: Callable[..., Any], name: str) -> click.Command:
         of_records = {key: record(*(given.pop(field) for field in record._fields)) for key, record in records.items()}
         return function(**given, **of_records)
 
-    return click.Command(name, callback=call, params=made, help=inspect.cleandoc(function.__doc__ or ""))
+    help, short = inspect.cleandoc(function.__doc__ or ""), GUIDES[name].short if name in GUIDES else None
+    return Command(name, callback=call, params=made, help=help, short_help=short)
 
 
 def _parameter(key: str, annotated: Any, default: Any) -> click.Parameter:
@@ -89,7 +116,14 @@ def _parameter(key: str, annotated: Any, default: Any) -> click.Parameter:
     required = default is inspect.Parameter.empty
     given = {"required": True} if required else {"required": False, "default": default}
     if isinstance(about, Argument):
-        return click.Argument([key], type=_type(hint), metavar=about.metavar, help=about.help, **given)
+
+        def shell(_context: click.Context, _parameter: click.Parameter, begun: str) -> list[Any]:
+            item = click.shell_completion.CompletionItem
+            return [item(begun, type="file"), *(item(n) for n in (about.known or list)() if n.startswith(begun))]
+
+        return click.Argument(
+            [key], type=_type(hint), metavar=about.metavar, help=about.help, shell_complete=shell, **given
+        )
     flag, several = hint is bool, get_origin(hint) is list
 
     def value(context: click.Context, parameter: click.Parameter, read: Any) -> Any:

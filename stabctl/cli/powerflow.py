@@ -2,12 +2,15 @@
 
 import cmath
 import math
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from .groups import CaseOptions
 from .options import Json
 from .parameters import Option
 from .shared import console, print_json
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 MOST = 1000  # rows of a table on the screen
 Branches = Annotated[bool, Option("--branches", help="Also print the branch flows.")]
@@ -50,20 +53,21 @@ def powerflow(*, branches: Branches = False, case: CaseOptions, as_json: Json = 
         return
     from rich.table import Table
 
+    out = console()
     table = Table("bus", "voltage, pu", "angle, deg", "P generated, MW", "Q generated, Mvar")
     for column in table.columns:
         column.justify = "right"
-    for r in rows[:MOST]:
+    for r in rows[: _most(out)]:
         power = (f"{r['p_gen_mw']:.2f}", f"{r['q_gen_mvar']:.2f}") if made[r["bus"]] else ("", "")
         table.add_row(str(r["bus"]), f"{r['v_pu']:.5f}", f"{r['angle_deg']:.3f}", *power)
-    console().print(table)
-    _rest(len(rows), "buses")
+    out.print(table)
+    _rest(out, len(rows), "buses")
     if branches:
-        _print_branches(lines)
-    console().print(str(flow))
+        _print_branches(out, lines)
+    out.print(str(flow))
 
 
-def _print_branches(lines: list[dict[str, Any]]) -> None:
+def _print_branches(out: "Console", lines: list[dict[str, Any]]) -> None:
     from rich.table import Table
 
     heads = (
@@ -78,19 +82,24 @@ def _print_branches(lines: list[dict[str, Any]]) -> None:
     table = Table(*heads)
     for column in table.columns:
         column.justify = "right"
-    for line in lines[:MOST]:
+    for line in lines[: _most(out)]:
         a, b, *powers = line.values()
         table.add_row(str(a), str(b), *(f"{p:.2f}" for p in powers), f"{line['p_from_mw'] + line['p_to_mw']:.2f}")
-    console().print(table)
-    _rest(len(lines), "branches")
+    out.print(table)
+    _rest(out, len(lines), "branches")
     lost = sum(line["p_from_mw"] + line["p_to_mw"] for line in lines)
-    console().print(f"branch losses: {lost:.1f} MW")
+    out.print(f"branch losses: {lost:.1f} MW")
 
 
-def _rest(count: int, what: str) -> None:
+def _most(out: "Console") -> int | None:
+    """How many rows a table shows; all of them where it is not read on a terminal."""
+    return MOST if out.is_terminal else None
+
+
+def _rest(out: "Console", count: int, what: str) -> None:
     """How many rows a table does not show."""
-    if count > MOST:
-        console().print(f"and {count - MOST} more {what}; --json prints all of them.")
+    if out.is_terminal and count > MOST:
+        out.print(f"and {count - MOST} more {what}; in a pipe, and with --json, all of them are printed.")
 
 
 def scr(*, trip: Trip = None, case: CaseOptions, as_json: Json = False) -> None:
@@ -107,12 +116,13 @@ def scr(*, trip: Trip = None, case: CaseOptions, as_json: Json = False) -> None:
         return
     from rich.table import Table
 
+    out = console()
     table = Table("bus", "short-circuit power, MVA")
     for column in table.columns:
         column.justify = "right"
     for b in buses:
         table.add_row(str(b["bus"]), f"{b['short_circuit_mva']:.1f}")
-    console().print(table)
+    out.print(table)
     if rows:
         table = Table("converter", "bus", "rating, MVA", "short-circuit power, MVA", "SCR", "ESCR")
         for column in table.columns[1:]:
@@ -120,7 +130,7 @@ def scr(*, trip: Trip = None, case: CaseOptions, as_json: Json = False) -> None:
         for r in rows:
             numbers = (f"{r['rated_mva']:.1f}", f"{r['short_circuit_mva']:.1f}", f"{r['scr']:.2f}", f"{r['escr']:.2f}")
             table.add_row(r["converter"], str(r["bus"]), *numbers)
-        console().print(table)
-    console().print(str(power))
+        out.print(table)
+    out.print(str(power))
     if ratio:
-        console().print(str(ratio))
+        out.print(str(ratio))

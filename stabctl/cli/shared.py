@@ -14,36 +14,31 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
     from stabctl.controllers import Controller, Law
     from stabctl.model.case import Case
-    from stabctl.model.unusual import UnusualData
     from stabctl.simulation.events import Event
 
 EVERY = 30.0  # s   between two lines of progress
 LONG = 60.0  # s   left, from which that is said as soon as it is known
+WIDEST = 1000  # characters of a line
 SETTLED = 1.0  # s   after which the pace is measured; what a store has comes before
 
 
-def warn(sentences: Sequence[str], verbose: bool) -> None:
-    """Print the first warning and the number of the others on stderr, or all of them."""
+def warn(sentences: Sequence[str], verbose: bool, told: str = "") -> None:
+    """Print the first warning and the number of the others on stderr, or all of them; `told` is in the same line."""
     from stabctl._util.errors import one_line
+    from stabctl._util.wording import together
 
+    warnings = together(sentences)
+    shown = [f"warning: {one_line(sentence)}" for sentence in (warnings if verbose else warnings[:1])]
+    if len(warnings) > 1 and not verbose:
+        shown = [f"{shown[0]} (1 of {len(warnings)} warnings; --verbose prints all.)"]
+    shown = [" ".join([*shown, told])] if told and not verbose else [*shown, *filter(None, [told])]
     with suppress(OSError):  # nobody reads it
-        for sentence in sentences if verbose else sentences[:1]:
-            print("stabctl: warning:", one_line(sentence), file=sys.stderr)
-        if len(sentences) > 1 and not verbose:
-            more = "another warning" if len(sentences) == 2 else f"{len(sentences) - 1} more warnings"
-            print(f"stabctl: {more}; --verbose prints all {len(sentences)}.", file=sys.stderr)
-
-
-def tell(found: "UnusualData", case: str, verbose: bool) -> None:
-    """Print on stderr how many values of a case are unusual and how to see them, or all of them."""
-    from stabctl._util.errors import one_line
-
-    with suppress(OSError):  # nobody reads it
-        for sentence in found.sentences() if verbose else filter(None, [found.told(case)]):
-            print("stabctl:", one_line(sentence), file=sys.stderr)
+        for line in shown:
+            print("stabctl:", line, file=sys.stderr)
 
 
 def lag(time: str | float, case: "Case") -> float:
@@ -139,14 +134,48 @@ def _plain(value: Any) -> Any:
 
 
 def console(stderr: bool = False) -> "Console":
-    """Where tables (stdout) and progress (stderr) go."""
+    """Where tables (stdout) and progress (stderr) go.
+
+    On a terminal a table is as wide as it needs to be for whole words. Elsewhere its rows are lines whose cells are
+    separated by tabs, no line is wrapped, and an empty line separates two tables.
+    """
+    from rich import box
     from rich.console import Console
+    from rich.table import Table
 
     class Open(Console):
+        after_table = False
+
         def on_broken_pipe(self) -> None:
             raise  # the BrokenPipeError, which the command line handles
 
+        def print(self, *objects: Any, **how: Any) -> None:
+            """Print tables and texts."""
+            for one in objects:
+                if not self.is_terminal:
+                    apart = "\n" if self.after_table and isinstance(one, Table) else ""
+                    self.file.write(f"{apart}{tabbed(one) if isinstance(one, Table) else one}\n")
+                    self.after_table = isinstance(one, Table)
+                    continue
+                if not isinstance(one, Table):
+                    super().print(one, **how)
+                    continue
+                one.box, one.show_edge, one.pad_edge, one.padding = box.SIMPLE_HEAD, False, False, (0, 1, 0, 0)
+                least, most = self.measure(one, options=self.options.update(width=WIDEST))
+                one.width = min(most, max(least, self.width))
+                with self.capture() as drawn:
+                    super().print(one, soft_wrap=True)
+                self.file.write("".join(f"{line.rstrip()}\n" for line in drawn.get().splitlines()))
+
     return Open(stderr=stderr, highlight=False, markup=False)
+
+
+def tabbed(table: "Table") -> str:
+    """A table as lines: its title, if it has one, the heads of its columns, its rows; cells between tabs."""
+    rows = [[column.header for column in table.columns], *zip(*(c.cells for c in table.columns), strict=True)]
+    shown = [rows[0]] if table.show_header and any(map(str, rows[0])) else []
+    lines = ["\t".join(" ".join(str(cell).split()) for cell in row) for row in [*shown, *rows[1:]]]
+    return "\n".join([*([str(table.title)] if table.title else []), *lines])
 
 
 class Lines(AbstractContextManager["Lines"]):

@@ -11,7 +11,7 @@ import numpy as np
 
 from stabctl._util.errors import StabctlError, StudyError
 from stabctl._util.tabular import Tabular
-from stabctl._util.wording import counted, named
+from stabctl._util.wording import counted, named, together
 from stabctl.dynamics.violations import Violation
 from stabctl.model import conventions
 from stabctl.model.case import Case
@@ -270,7 +270,7 @@ def _corrections(report: ImportReport) -> Iterator[str]:
     sentences = list(report.corrections)
     for path in report.files:
         sentences = [sentence.replace(str(path), path.name) for sentence in sentences]
-    return _section("Corrections", sentences)
+    return _section("Corrections", together(sentences))
 
 
 def _section(title: str, sentences: Sequence[str]) -> Iterator[str]:

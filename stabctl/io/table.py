@@ -118,9 +118,11 @@ def _header(path: Path, cells: list[str], by_header: Mapping[str, Field], partia
             raise CaseError(f"{path} row 1: {cell!r} is not a column of this table; {hint}")
         if cell in cells[:i]:
             raise CaseError(f"{path} row 1: column {cell!r} appears twice; keep one.")
-    for column, f in by_header.items():
-        if (f.name == partial if partial else f.required) and column not in cells:
-            raise CaseError(f"{path} row 1: column {column!r} ({f.meaning}) is missing.")
+    needed = (f for f in by_header.values() if (f.name == partial if partial else f.required))
+    missing = [f"{f.column!r} ({f.meaning})" for f in needed if f.column not in cells]
+    if missing:
+        noun, verb = ("column", "is") if len(missing) == 1 else ("columns", "are")
+        raise CaseError(f"{path} row 1: {noun} {', '.join(missing)} {verb} missing.")
     return [by_header[c] for c in cells]
 
 

@@ -44,6 +44,8 @@ class Case(Tables):
     def __post_init__(self) -> None:
         for table, record in TABLES.items():
             object.__setattr__(self, table, checks.values(table, record, getattr(self, table)))
+        own = tuple(m if m.storage_bus else m._replace(storage_bus=m.bus) for m in self.machines)
+        object.__setattr__(self, "machines", own)
         object.__setattr__(self, "devices", checks.device_values(self.devices))
         checks.check(self)
 

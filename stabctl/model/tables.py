@@ -67,7 +67,7 @@ class Machine(NamedTuple):
     bus: Annotated[int, "-", "terminal bus"]
     base: Annotated[float, "MVA", "rating, the base of its per-unit parameters", Ge(1e-6)]
     p: Annotated[float, "MW", "scheduled active power (initial guess at the swing bus)"]
-    storage_bus: Annotated[int, "-", "bus for its storage device: high-voltage side, or the terminal bus"]
+    storage_bus: Annotated[int, "-", "bus for its storage device: high-voltage side (0: the terminal bus)"] = 0
     q: Annotated[float, "Mvar", "reactive power: fixed at a pq bus, elsewhere its share before the rest is split"] = 0.0
     name: Annotated[str, "-", "name used instead of the number: 30/1 is identifier 1 at bus 30"] = ""
 

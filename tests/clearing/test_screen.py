@@ -313,7 +313,7 @@ def test_a_clearing_time_that_frequency_limits_says_so_everywhere(stabctl, point
     options = "--max-frequency", "60.5Hz", "--frequency-delay", "0.1s", "--resolution", "1cyc"
     path = tmp_path / "screen.csv"
     screened = "screen", "two_area", *options
-    assert " frequency " in stabctl(*screened, "--out", path)[1]
+    assert "\tfrequency\n" in stabctl(*screened, "--out", path)[1]
     assert {row["limited_by"] for row in csv.DictReader(path.open())} == {"frequency"}
     for command in (screened, ("clearing-time", "two_area", "--fault", "7", *options)):
         record = json.loads(stabctl(*command, "--json")[1])

@@ -111,7 +111,7 @@ def test_what_is_not_verified_says_so_wherever_it_is_shown():
         borrowed = within in devices.every() and describe(within).unverified
         assert bool(describe(name).unverified) == bool("not at hand" in (device.__doc__ or "") or borrowed)
         assert all(("not verified against its source" in text) == bool(describe(name).unverified) for text in shown)
-    listed = re.sub(r"[\s│]+", " ", run("models").output)
+    listed = re.sub(r"\s+", " ", run("models").output)
     assert listed.count("not verified") == 1 + len(STORES)
 
 
