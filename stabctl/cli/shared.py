@@ -155,6 +155,7 @@ def console(stderr: bool = False) -> "Console":
                 if not self.is_terminal:
                     apart = "\n" if self.after_table and isinstance(one, Table) else ""
                     self.file.write(f"{apart}{tabbed(one) if isinstance(one, Table) else one}\n")
+                    self.file.flush()  # somebody may wait for it, as for the address of a page
                     self.after_table = isinstance(one, Table)
                     continue
                 if not isinstance(one, Table):
