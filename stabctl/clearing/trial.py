@@ -5,7 +5,6 @@ is its margin after the single-machine-equivalent (SIME) method.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -209,7 +208,8 @@ class Trial:
     def simulate(self, k: int, record: Recorded = False) -> Trajectory:
         """The run cleared at the grid's point k, until the observation after the last event ends."""
         last = self.last_event(k)
-        return self._run(self.events(k), last + self.search.observed_s, record, last + self.search.longest_s)
+        until, longest = last + self.search.observed_s, last + self.search.longest_s
+        return run_of(self.setup, self.events(k), until, record=record, longest=longest)
 
     @cached_property
     def placed(self) -> Contingency:
@@ -234,12 +234,9 @@ class Trial:
         hz, search = self.point.case.frequency_hz, self.search
         longest = min(search.limit_cycles / SUSTAINED / hz, search.observed_s)
         fault = Fault(self.placed.fault or "", self.at, self.contingency.impedance)
-        end = self._run([fault], self.at + longest, record=False).outcome
+        end = run_of(self.setup, [fault], self.at + longest, record=False).outcome
         cycles = search.limit_cycles / SUSTAINED if end.stable else (end.time_s - self.at) * hz
         return int(SUSTAINED * cycles / search.resolution_cycles)
-
-    def _run(self, events: Sequence[Event], until: float, record: Recorded, longest: float = 0.0) -> Trajectory:
-        return run_of(self.setup, events, until, record=record, longest=longest)
 
 
 def margin(trajectory: Trajectory, cleared_s: float) -> Margin | None:

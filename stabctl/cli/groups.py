@@ -1,7 +1,7 @@
 """Groups of options, as records that create the objects they describe."""
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from . import options, shared
@@ -37,9 +37,8 @@ class CaseOptions(NamedTuple):
         """The case with its settings (`pss.1.K=10`) applied; what is noted or unusual goes to stderr."""
         case = self.read()
         unusual = self.check(case)
-        shared.warn(case.notes, self.verbose, "" if self.verbose else unusual.told(self.words))
-        for sentence in unusual.sentences() if self.verbose else ():
-            shared.warn((), True, sentence)
+        told = unusual.sentences() if self.verbose else [unusual.told(self.words)]
+        shared.warn(case.notes, self.verbose, list(filter(None, told)))
         return case
 
     def check(self, case: "Case") -> "UnusualData":
@@ -114,6 +113,17 @@ def connection(model: str, mva: str | None, converter: str) -> dict[str, Any]:
     return {name: value for name, value in given.items() if value not in ("ideal", "", None)}
 
 
+def law_of(files: "Iterable[Controller | Law]") -> "Law | None":
+    """The storage law among what files of --controller contain."""
+    from stabctl._util.errors import StudyError
+    from stabctl.controllers import Law
+
+    laws = [one for one in files if isinstance(one, Law)]
+    if len(laws) > 1:
+        raise StudyError("Two files of --controller contain a storage law; give only one.")
+    return laws[0] if laws else None
+
+
 class LawOptions(NamedTuple):
     """The control law of the storage devices."""
 
@@ -138,17 +148,15 @@ class LawOptions(NamedTuple):
         from stabctl.controllers import Law
         from stabctl.simulation.control import ordered
 
-        laws, controllers = [c for c in files if isinstance(c, Law)], [c for c in files if not isinstance(c, Law)]
-        if len(laws) > 1:
-            raise StudyError("Two files of --controller contain a storage law; give only one.")
-        if laws and (control is not None or self != LawOptions()):
+        law, controllers = law_of(files), [c for c in files if not isinstance(c, Law)]
+        if law and (control is not None or self != LawOptions()):
             raise StudyError(
                 "--control, --deadband and --min-voltage have no effect with a storage law from a file; leave them out."
             )
-        if laws and not case.storage:
+        if law and not case.storage:
             raise StudyError("A storage law needs storage devices; give --storage or --storage-at.")
-        if laws:
-            return laws[0], controllers
+        if law:
+            return law, controllers
 
         if control == "bang-bang" and not case.storage:
             raise StudyError("--control bang-bang needs storage devices; give --storage or --storage-at.")

@@ -18,23 +18,20 @@ def live(
     *, port: Port = 0, browser: Browser = True, controller: options.Controllers = None, case: groups.CaseOptions
 ) -> None:
     """Open a page that simulates while you move the fault, its clearing time, the storage and its control."""
-    from stabctl._util.errors import StudyError
-    from stabctl.controllers import Law
     from stabctl.view.live.serve import PARTS, serve, warm
     from stabctl.view.live.state import Points
 
     files = dict(zip(controller or (), shared.controllers(controller), strict=True))
-    laws = [name for name, one in files.items() if isinstance(one, Law)]
-    if len(laws) > 1:
-        raise StudyError("Two files of --controller contain a storage law; give only one.")
-    acting = tuple(name for name in files if name not in laws)
+    law = groups.law_of(files.values())
+    acting = tuple(name for name, one in files.items() if one is not law)
+    of_law = next((name for name, one in files.items() if one is law), "")
 
     def said(address: str) -> None:
         shared.console().print(f"{address}\nCtrl-C ends it.", soft_wrap=True)
 
     with shared.progress("preparing the page:", PARTS) as told:
         points = warm(Points(case.load(), [*files.values()]), told)
-    serve(points, source(case)._replace(controllers=acting, law="".join(laws)), port=port, browser=browser, said=said)
+    serve(points, source(case)._replace(controllers=acting, law=of_law), port=port, browser=browser, said=said)
 
 
 def source(case: groups.CaseOptions) -> "Source":

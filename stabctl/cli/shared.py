@@ -26,8 +26,8 @@ WIDEST = 1000  # characters of a line
 SETTLED = 1.0  # s   after which the pace is measured; what a store has comes before
 
 
-def warn(sentences: Sequence[str], verbose: bool, told: str = "") -> None:
-    """Print the first warning and the number of the others on stderr, or all of them; `told` is in the same line."""
+def warn(sentences: Sequence[str], verbose: bool, told: Sequence[str] = ()) -> None:
+    """Print the first warning, how many others there are and what else is told, in one line on stderr; or all of it."""
     from stabctl._util.errors import one_line
     from stabctl._util.wording import together
 
@@ -35,9 +35,9 @@ def warn(sentences: Sequence[str], verbose: bool, told: str = "") -> None:
     shown = [f"warning: {one_line(sentence)}" for sentence in (warnings if verbose else warnings[:1])]
     if len(warnings) > 1 and not verbose:
         shown = [f"{shown[0]} (1 of {len(warnings)} warnings; --verbose prints all.)"]
-    shown = [" ".join([*shown, told])] if told and not verbose else [*shown, *filter(None, [told])]
+    shown += map(one_line, told)
     with suppress(OSError):  # nobody reads it
-        for line in shown:
+        for line in shown if verbose else filter(None, [" ".join(shown)]):
             print("stabctl:", line, file=sys.stderr)
 
 

@@ -148,9 +148,13 @@ class Contingency:
         StudyError
             If there is a fault without a clearing time.
         """
+        return self.starts(case) + self._duration(case)
+
+    def _duration(self, case: Case) -> float:
+        """How long the fault lasts, s."""
         if self.clear is None and self.fault is not None:
             raise StudyError(f"The fault at {self.fault} is never cleared; give a clearing time, such as clear='6cyc'.")
-        return self.starts(case) + seconds(self.clear or 0.0, case.frequency_hz)
+        return seconds(self.clear or 0.0, case.frequency_hz)
 
     def others(self, case: Case) -> tuple[Event, ...]:
         """The events other than the fault and its clearing.
@@ -183,8 +187,8 @@ class Contingency:
         events = list(self.others(case))
         if self.fault is None and not self.trip:
             return tuple(events)
-        self.cleared(case)  # or it says that there is no clearing time
-        return *events, *self.placed(case).lasting(seconds(self.clear or 0.0, case.frequency_hz), self.starts(case))
+        duration = self._duration(case)
+        return *events, *self.placed(case).lasting(duration, self.starts(case))
 
     def lasting(self, duration: float, begin: float) -> tuple[Event, ...]:
         """The fault, its clearing, and the circuits opened then.

@@ -331,16 +331,10 @@ def run(
     *,
     step: float | None = None,
     criterion: Criterion = DEFAULT,
-    record: Recorded = True,
-    every: float = 0.0,
-    start: float = 0.0,
-    longest: float = 0.0,
-    progress: Callable[[float], None] | None = None,
+    **how: Any,
 ) -> Trajectory:
-    """Simulate an operating point under a contingency, or events, until `until` (s); see `run_of`."""
-    system = setup(point, control, step=step, criterion=criterion)
-    how: Any = {"record": record, "every": every, "start": start, "longest": longest, "progress": progress}
-    return run_of(system, contingency, until, **how)
+    """Simulate an operating point under a contingency, or events, until `until` (s); the rest is that of `run_of`."""
+    return run_of(setup(point, control, step=step, criterion=criterion), contingency, until, **how)
 
 
 def run_of(

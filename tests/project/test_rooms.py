@@ -23,6 +23,7 @@ SMALL = {  # shorter files, each a thing of its own; devices are, too
     "what others inherit or read": {"_util.errors", "_util.verbs", "_util.wording", "controllers.signals"},
     "imported before anything that takes long": {"_util.process", "view.figures.palette"},
     "run by name": {"simulation.prepare", "sweep._warm"},
+    "a command": {"cli.live"},
 }  # fmt: skip
 
 

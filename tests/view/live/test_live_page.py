@@ -10,33 +10,13 @@ from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
 import pytest
-from live_page import START, browser, served, tab, until
+from live_page import START, served, tab, until
 
 import stabctl as st
 
 pytestmark = pytest.mark.slow
 FINE = 0.125  # cycles between the stops of the slider
 IMPORTED = Path(__file__).parents[2] / "reference" / "import" / "matpower"
-
-
-@pytest.fixture(scope="module")
-def address():
-    with served("two_area") as found:
-        yield found
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    with browser() as started:
-        yield started
-
-
-@pytest.fixture
-def page(chromium, address):
-    opened = tab(chromium, address + START)
-    yield opened
-    assert opened.logged == []
-    opened.context.close()
 
 
 def move(page, slider, value):

@@ -8,33 +8,13 @@ from pathlib import Path
 
 import axe_playwright_python
 import pytest
-from live_page import START, browser, served, tab, until
+from live_page import START, tab, until
 
 import stabctl as st
 
 pytestmark = pytest.mark.slow
 AXE = (Path(axe_playwright_python.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
 VIEWS = "time", "modes", "landscape", "theory"
-
-
-@pytest.fixture(scope="module")
-def address():
-    with served("two_area") as found:
-        yield found
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    with browser() as started:
-        yield started
-
-
-@pytest.fixture
-def page(chromium, address):
-    opened = tab(chromium, address + START)
-    yield opened
-    assert opened.logged == []
-    opened.context.close()
 
 
 def change(page, **settings):

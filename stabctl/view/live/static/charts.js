@@ -42,9 +42,9 @@ function chart(place, signal, title, names, height, ghosts = 0) { // the last cu
     place,
   );
   const set = (rows, curves) => { // the machines that have lost synchronism, and the curves of this run
-    const moved = names.map((_, k) => [k, Math.max(...curves[k]) - Math.min(...curves[k])]).sort((a, b) => b[1] - a[1]);
+    const all = [...names.keys()], moved = all.map((k) => Math.max(...curves[k]) - Math.min(...curves[k]));
     lost = new Set(rows);
-    matter = new Map((few ? moved.sort((a, b) => a[0] - b[0]) : moved.slice(0, NAMED)).map(([k], i) => [k, i]));
+    matter = new Map((few ? all : all.sort((a, b) => moved[b] - moved[a]).slice(0, NAMED)).map((k, i) => [k, i]));
     names.forEach((_, k) => (plot.series[k + 1].width = lost.has(k) ? 2.5 : matter.has(k) ? 1.5 : 1));
   };
   return { plot, signal, set };

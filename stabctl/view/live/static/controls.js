@@ -5,14 +5,18 @@ const CONTROLS = [
   { id: "along", name: "fault along the line", min: 0, max: 100, step: 1, say: (v) => `${v} %`, when: (s) => s.fault.includes("@") },
   { id: "percent", name: "storage of every machine", min: 0, max: 20, step: 0.5, say: (v) => `${v} % of MVA` },
   { id: "own", name: "storage of", min: 0, max: 100, step: 1, say: (v) => `${v} MW` },
-  { id: "deadband", name: "deadband", min: 0, max: 500, step: 10, say: (v) => `${v} mHz`, when: (s) => stored(s) && !["idle", "file"].includes(s.law) },
+  { id: "deadband", name: "deadband", min: 0, max: 500, step: 10, say: (v) => `${v} mHz`, when: tuned },
   { id: "gain", name: "gain of the feedback", min: 0, max: 1, step: 0.01, say: (v) => `${v} pu/(rad/s)`, when: (s) => stored(s) && s.law === "feedback" },
-  { id: "delay", name: "communication delay of the law", min: 0, max: 30, step: 1, say: (v) => `${v} cycles, ${((1e3 * v) / live.case.hz).toFixed(0)} ms`, when: (s) => stored(s) && !["idle", "file"].includes(s.law) },
+  { id: "delay", name: "communication delay of the law", min: 0, max: 30, step: 1, say: (v) => `${v} cycles, ${((1e3 * v) / live.case.hz).toFixed(0)} ms`, when: tuned },
   { id: "level", name: "load level", min: 50, max: 130, step: 1, say: (v) => `${v} %` },
 ];
 
 function stored(state) {
   return state.percent > 0 || Object.values(state.megawatts).some((mw) => mw > 0);
+}
+
+function tuned(state) { // whether the law has settings on the page
+  return stored(state) && !["idle", "file"].includes(state.law);
 }
 
 const controls = {

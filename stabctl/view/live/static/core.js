@@ -27,7 +27,7 @@ function ink() {
 // What results depend on besides the case and the fault: the load level, storage and its law.
 function settings({ level, percent, megawatts, store, law, deadband, gain, delay } = live.state) {
   if (!stored({ percent, megawatts })) return { level };
-  const acting = { idle: {}, file: {}, feedback: { deadband, delay, gain } }[law] ?? { deadband, delay };
+  const acting = tuned({ percent, megawatts, law }) ? { deadband, delay, ...(law === "feedback" && { gain }) } : {};
   return { level, percent, megawatts, store, law, ...acting };
 }
 

@@ -98,9 +98,7 @@ async function save() {
   const answer = await fetch("save", { method: "POST", body: JSON.stringify({ state: live.state, results }) });
   $("save").disabled = false;
   if (!answer.ok) return verdict(answer.status === 422 ? (await answer.json()).error : "The page could not be saved.", "wrong");
-  const link = element("a", { href: URL.createObjectURL(await answer.blob()), download: `${live.case.name}_live.html` });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+  saveAs("live.html", await answer.blob());
 }
 
 function redraw() { // after a change of size or of light

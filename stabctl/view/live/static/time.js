@@ -3,19 +3,23 @@
 const time = {
   charts: [], built: "", pinned: null,
 
+  clear() {
+    for (const { plot } of this.charts) plot.destroy();
+    Object.assign(this, { charts: [], built: "" });
+    $("charts").replaceChildren();
+  },
+
   build() { // the charts that the state asks for
     const { signals, compare } = live.state, both = compare && "bare." in live.run.head.runs;
     const key = [signals, both, live.run.arrays.storage?.length ?? 0, this.pinned?.number, $("charts").clientWidth].join();
     if (key === this.built) return;
+    this.clear();
     this.built = key;
-    for (const { plot } of this.charts) plot.destroy();
     const wide = both && $("charts").clientWidth > 700, share = innerWidth < 1000 ? 0.3 : innerWidth < 1700 ? 0.5 : 0.64;
     const height = Math.max(innerWidth < 1000 ? 140 : 190, (share * innerHeight) / signals.length); // on a phone the sliders stay in sight
     const machines = live.case.machines.map((m) => m[0]), rotors = live.case.rotors.map((i) => machines[i]);
-    $("charts").replaceChildren();
     $("charts").style.display = wide ? "grid" : "block";
     $("charts").style.gridTemplateColumns = wide ? "minmax(0,1fr) minmax(0,1fr)" : "";
-    this.charts = [];
     for (const signal of signals) for (const prefix of both ? ["bare.", ""] : [""]) {
       if (!live.run.arrays[prefix + signal]?.length) continue;
       const place = element("div", { className: "chart" });
@@ -111,9 +115,7 @@ function answered(buffer) {
 function failed(text) { // there is no run with these settings, so none is shown
   live.run = null;
   time.stop();
-  for (const { plot } of time.charts) plot.destroy();
-  Object.assign(time, { charts: [], built: "" });
-  $("charts").replaceChildren();
+  time.clear();
   $("timing").textContent = "";
   verdict(text, "wrong");
   copyable();
