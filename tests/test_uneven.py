@@ -228,12 +228,13 @@ def test_tables_and_sentences_of_a_run(run):
     assert frame.time_s.to_numpy() == pytest.approx(run.time)
     for i, name in enumerate(names):
         assert frame[f"speed_pu:{name}"].to_numpy() == pytest.approx(speed[:, i])
-        assert frame[f"angle_rad:{name}"].to_numpy() == pytest.approx(angle[:, i])
-        assert relative[f"angle_rad:{name}"].to_numpy() == pytest.approx(angle[:, i] - angle[:, names.index(12)])
+        assert frame[f"angle_deg:{name}"].to_numpy() == pytest.approx(np.degrees(angle[:, i]))
+        own = np.degrees(angle[:, i] - angle[:, names.index(12)])
+        assert relative[f"angle_deg:{name}"].to_numpy() == pytest.approx(own)
     for b in CASE.buses:
-        assert frame[f"voltage_pu:{b.bus}"].to_numpy() == pytest.approx(np.abs(run.arrays.V[:, ROW[b.bus]]))
+        assert frame[f"v_pu:{b.bus}"].to_numpy() == pytest.approx(np.abs(run.arrays.V[:, ROW[b.bus]]))
     for j, d in enumerate(CASE.storage):
-        assert frame[f"storage_mw:{d.machine}"].to_numpy() == pytest.approx(run.storage.to_numpy()[:, j])
+        assert frame[f"storage_mw:{d.machine}@{d.bus}"].to_numpy() == pytest.approx(run.storage.to_numpy()[:, j])
     wide = [min(speed.min(), 1), max(speed.max(), 1)]
     assert 0.9 < wide[0] < wide[1] < 1.1
     assert run.arrays.coi_speed == pytest.approx(speed @ shares)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from html import escape
+from itertools import groupby
 from typing import TYPE_CHECKING, Literal
 
 from stabctl._util.tabular import machine_column
@@ -67,6 +68,7 @@ class ClearingTime:
     wall_s: float
 
     plot = verb("stabctl.view.figures.clearing:plot_clearing_time")
+    report = verb("stabctl.view.pages.pattern:report")
 
     @property
     def fault(self) -> str:
@@ -147,6 +149,21 @@ class ClearingTime:
         columns = "clearing_cycles", "stable", "outcome", "machine", "end_s"
         frame = pd.DataFrame([(r.cycles, r.stable, r.outcome.value, r.machine, r.time_s) for r in self.runs])
         return machine_column(frame.set_axis(columns, axis=1))
+
+    def grouped(self) -> list[tuple[str, ...]]:
+        """The simulations in words: clearing times (cycles), number, outcome, machine, end (s); ends alike in one "
+        "row."""
+
+        def span(values: list[float], form: str) -> str:
+            return " to ".join(dict.fromkeys(f"{v:{form}}" for v in (min(values), max(values))))
+
+        rows: list[tuple[str, ...]] = []
+        for (outcome, machine), group in groupby(self.runs, lambda r: (r.outcome, r.machine)):
+            alike = list(group)
+            times, ends = span([r.cycles for r in alike], "g"), span([r.time_s for r in alike], ".2f")
+            first = "" if machine is None else naming.unit(machine)
+            rows.append((times, str(len(alike)), outcome.value.replace("_", " "), first, ends))
+        return rows
 
     def brief(self) -> str:
         """The answer, without case and search."""

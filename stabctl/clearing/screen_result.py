@@ -71,7 +71,7 @@ class Screen:
     wall_s: float
 
     plot = verb("stabctl.view.figures.clearing:plot_screen")
-    report = verb("stabctl.view.pages.screen_page:write")
+    report = verb("stabctl.view.pages.clearing_pages:write_screen")
 
     def below(self, longest: str | float) -> "Screen":
         """The pairs with a shorter clearing time, and those that are always unstable.

@@ -1,6 +1,5 @@
 """stabctl clearing-time and screen: how long a fault may last, and the most critical line faults."""
 
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -33,6 +32,7 @@ def clearing_time(
     stability: groups.StabilityOptions,
     estimator: options.Estimator = "ideal",
     pmu: groups.PmuOptions,
+    report: options.Report = None,
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
@@ -40,6 +40,7 @@ def clearing_time(
     from stabctl.clearing import clearing_time
     from stabctl.simulation.contingency import Contingency
 
+    shared.folder(report)
     loaded = case.load()
     events = shared.events(loaded, opened, tripped, stepped)
     through = shared.impedance(fault_impedance)
@@ -55,6 +56,7 @@ def clearing_time(
             progress=lambda _run: tell(None),
         )
     _show_clearing_time(found, as_json)
+    shared.written([found.report(report)] if report else [], as_json)
 
 
 def _show_clearing_time(found: "ClearingTime", as_json: bool) -> None:
@@ -93,22 +95,11 @@ def _show_clearing_time(found: "ClearingTime", as_json: bool) -> None:
         return
     from rich.table import Table
 
-    from stabctl.model import naming
-
     table = Table("clearing time, cycles", "runs", "outcome", "loses synchronism first", "end, s after the fault")
-    for (outcome, machine), group in groupby(found.runs, lambda r: (r.outcome, r.machine)):
-        alike = list(group)
-        times, ends = [r.cycles for r in alike], [r.time_s for r in alike]
-        first = "" if machine is None else naming.unit(machine)
-        end = outcome.value.replace("_", " ")
-        table.add_row(_span(times, "g"), str(len(alike)), end, first, _span(ends, ".2f"))
+    for row in found.grouped():
+        table.add_row(*row)
     shared.console().print(table)
     shared.console().print(str(found))
-
-
-def _span(values: list[float], form: str) -> str:
-    """The least and the largest of some values: `5 to 9`, or `9`."""
-    return " to ".join(dict.fromkeys(f"{v:{form}}" for v in (min(values), max(values))))
 
 
 Below = Annotated[
@@ -162,12 +153,7 @@ def screen(
     _show_screen(found, as_json)
     if out:
         found.save(out)
-        if not as_json:
-            shared.console().print(f"written: {out}")
-    if report:
-        path = found.report(report, base=point)
-        if not as_json:
-            shared.console().print(f"written: {path}")
+    shared.written([out, found.report(report, base=point) if report else None], as_json)
 
 
 def _show_screen(found: "Screen", as_json: bool) -> None:

@@ -1,6 +1,5 @@
 """stabctl design law: the control law of storage devices."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -121,8 +120,7 @@ def law(
         _show(found)
     written = [found.save(out)] if out else []
     written += [found.report(report)] if report else []
-    for path in written:
-        print(path, file=sys.stderr if as_json else sys.stdout)
+    shared.written(written, as_json)
 
 
 def _faults(

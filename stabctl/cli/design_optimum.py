@@ -35,6 +35,7 @@ def optimum(
     longest: options.Longest = "20s",
     step: options.Step = None,
     plot: Plot = None,
+    report: options.Report = None,
     out: Out = None,
     fault_impedance: options.FaultImpedance = "0,0",
     storage: groups.StorageOptions,
@@ -49,6 +50,7 @@ def optimum(
 
     shared.file(out, ".csv")
     shared.file(plot, ".png", ".svg", ".pdf")
+    shared.folder(report)
     loaded = case.load()
     through = shared.impedance(fault_impedance)
     with shared.progress("optimizing", None) as tell:
@@ -68,7 +70,7 @@ def optimum(
             iterations=iterations,
             progress=lambda _made: tell(None),
         )
-    written = [found.save(path) for path in (out, plot) if path]
+    written = [found.save(path) for path in (out, plot) if path] + ([found.report(report)] if report else [])
     _show(found, written, as_json)
 
 
@@ -107,5 +109,4 @@ def _show(found: "Optimum", written: list[Path], as_json: bool) -> None:
         )
     shared.console().print(table)
     shared.console().print(str(found))
-    for path in written:
-        shared.console().print(f"written: {path}")
+    shared.written(written)

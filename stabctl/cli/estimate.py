@@ -7,7 +7,7 @@ from . import groups, options, shared
 from .parameters import Option
 
 if TYPE_CHECKING:
-    from stabctl.estimation.estimates import Accuracy, Estimates
+    from stabctl.estimation.estimates import Estimates
 
 Clear = Annotated[str, Option("--clear", metavar="TIME", parser=options.time, help="Duration of the fault, s or 6cyc.")]
 EngineOption = Annotated[
@@ -36,6 +36,7 @@ def estimate(
     engine: EngineOption = "batched",
     pmu: groups.PmuOptions,
     plot: Plot = None,
+    report: options.Report = None,
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
@@ -47,6 +48,7 @@ def estimate(
     from stabctl.simulation.contingency import Contingency
 
     shared.file(plot, ".png", ".svg")
+    shared.folder(report)
     loaded = case.load()
     observed = seconds(observe, loaded.frequency_hz)
     if not observed > 0.05:
@@ -64,16 +66,17 @@ def estimate(
         seeds=pmu.seed,
         step=step,
         criterion=stability.criterion(loaded),
-        record=False,
+        record=report is not None,
     )
     if plot:
         found.save(plot)
     said = contingency.described(loaded) if isinstance(clear, float) else ""
-    _show(found, found.accuracy, as_json, plot, said)
+    page = found.report(report) if report else None
+    _show(found, as_json, [path for path in (plot, page) if path], said)
 
 
-def _show(found: "Estimates", accuracy: "Accuracy", as_json: bool, plot: Path | None, said: str) -> None:
-    end = found.runs[0].outcome
+def _show(found: "Estimates", as_json: bool, written: list[Path], said: str) -> None:
+    end, accuracy = found.runs[0].outcome, found.accuracy
     if as_json:
         name = found.point.case.name
         outcome = {"outcome": end.kind.value, "message": end.message}
@@ -91,6 +94,6 @@ def _show(found: "Estimates", accuracy: "Accuracy", as_json: bool, plot: Path | 
     table.add_row("wrong commands", f"{100 * accuracy.wrong_command_share:.2f} %")
     table.add_row("opposite commands", f"{100 * accuracy.opposite_command_share:.2f} %")
     table.add_row("computing time", f"{accuracy.cpu_ms_per_frame:.2f} ms per frame")
-    if plot:
-        table.add_row("written", str(plot))
+    for path in written:
+        table.add_row("written", str(path))
     shared.console().print(table)

@@ -20,7 +20,7 @@ PANELS = {  # of options, in this order; all others come first
     "Case": "set device classical verbose dyr loads machines frequency missing missing-controls motor-share "
     "conventions",
     "Running": "workers store scheduler retry seed",
-    "Output": "json report out plot every angle-reference csv dyr-out help",
+    "Output": "json report out plot channels every angle-reference csv dyr-out help",
 }
 PANEL = {f"--{name}": panel for panel, names in PANELS.items() for name in names.split()}
 

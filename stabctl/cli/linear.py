@@ -44,7 +44,6 @@ def linearize(
 
 
 Band = Annotated[tuple[float, float], Option("--band", metavar="LOW HIGH", help="Frequency range of the table, Hz.")]
-Report = Annotated[Path | None, Option("--report", help="Write an HTML page to this folder.")]
 Count = Annotated[int | None, Option("--areas", help="Number of coherent areas (default: the best fit).")]
 Sparse = Annotated[
     bool | None,
@@ -62,7 +61,7 @@ Opened = Annotated[list[str] | None, Option("--open", help="Circuit out of servi
 def modes(
     *,
     band: Band = (0.1, 2.5),
-    report: Report = None,
+    report: options.Report = None,
     area_count: Count = None,
     open_circuits: Opened = None,
     sparse: Sparse = None,
@@ -106,9 +105,7 @@ def modes(
     if report:
         from stabctl.view.pages import modes_page
 
-        path = modes_page.write(report, found, groups, band)
-        if not as_json:
-            shared.console().print(f"written: {path}")
+        shared.written([modes_page.write(report, found, groups, band)], as_json)
 
 
 def _show(found: "Modes", band: tuple[float, float], groups: "Areas | None") -> None:
@@ -211,6 +208,7 @@ def weak_grid(
     gain: Gains = None,
     x_over_r: Ratio = 10.0,
     plot: Plot = None,
+    report: options.Report = None,
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
@@ -218,6 +216,7 @@ def weak_grid(
     from stabctl.smallsignal import weak_grid
 
     shared.file(plot, ".png", ".svg")
+    shared.folder(report)
     found = weak_grid.weak_grid(
         case.load(),
         converter,
@@ -229,6 +228,7 @@ def weak_grid(
         from stabctl.view.figures import style
 
         style.save(found.plot(), plot)
+    page = found.report(report) if report else None
     rows = found.df.astype(object).where(found.df.notna(), None).to_dict("records")
     boundary = [None if s != s else s for s in found.boundary.tolist()]  # NaN
     if as_json:
@@ -245,6 +245,7 @@ def weak_grid(
         table.add_row(f"{k:.4g}", "none" if critical is None else "all" if critical == 0 else f"{critical:.3f}")
     shared.console().print(table)
     shared.console().print(str(found))
+    shared.written([page])
 
 
 def _numbers(text: str | None, option: str) -> tuple[float, ...]:

@@ -120,6 +120,7 @@ def importing(
     dyr_file: DyrFile = None,
     *,
     out: Out = None,
+    page: options.Report = None,
     check: Check = True,
     dyr: options.Dyr = None,
     loads: options.Loads = None,
@@ -134,20 +135,21 @@ def importing(
     if dyr_file is not None and dyr is not None:
         raise StudyError("The DYR file is given twice, with and without --dyr; give it once.")
     shared.folder(out)
+    shared.folder(page)
     report = import_report(raw, dyr_file or dyr, check=check, loads=loads)
     if as_json:
         shared.print_json(report.plain())
         shared.warn(report.failures, verbose=True)
     else:
         print(report)
+    written = [report.report(page)] if page is not None else []
     if out is not None:
         from stabctl import io
 
         dyr_path = report.files[1] if len(report.files) > 1 else None
         case = io.load(raw, dyr=dyr_path, loads=loads, missing=missing, missing_controls=missing_controls)
-        io.write(case, out)
-        if not as_json:
-            print(f"\nwritten: {out}")
+        written.append(io.write(case, out))
+    shared.written(written, as_json)
     return 0 if report.complete else INCOMPLETE
 
 

@@ -1,6 +1,5 @@
 """stabctl place: siting and sizing of storage."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -142,8 +141,7 @@ def place(
         if not found.targets:
             chosen_by = "come from" if contingencies else "were chosen by default: they are those of"
             shared.console().print(f"The contingencies and their clearing times {chosen_by} {source}.")
-    if report:
-        print(found.report(report, base=next(iter(points.values()))), file=sys.stderr if as_json else sys.stdout)
+    shared.written([found.report(report, base=next(iter(points.values())))] if report else [], as_json)
     return 1 if found.infeasible else 0
 
 

@@ -5,9 +5,9 @@ import math
 from typing import TYPE_CHECKING, Annotated, Any
 
 from .groups import CaseOptions
-from .options import Json
+from .options import Json, Report
 from .parameters import Option
-from .shared import console, print_json
+from .shared import console, folder, print_json, written
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -17,10 +17,11 @@ Branches = Annotated[bool, Option("--branches", help="Also print the branch flow
 Trip = Annotated[str | None, Option("--trip", help="Circuits out of service, such as 7-8 or '7-8#2, 8-9'.")]
 
 
-def powerflow(*, branches: Branches = False, case: CaseOptions, as_json: Json = False) -> None:
+def powerflow(*, branches: Branches = False, report: Report = None, case: CaseOptions, as_json: Json = False) -> None:
     """Solve the power flow."""
     from stabctl.model import powerflow
 
+    folder(report)
     flow = powerflow.solve(case.load())
     c = flow.case
     made = dict.fromkeys((b.bus for b in c.buses), 0j)
@@ -48,6 +49,7 @@ def powerflow(*, branches: Branches = False, case: CaseOptions, as_json: Json = 
         }
         for k, (a, b) in zip(c.branches, ends, strict=True)
     ]
+    page = flow.report(report) if report else None
     if as_json:
         print_json({"case": c.name, "converged": True, "iterations": flow.iterations, "buses": rows, "branches": lines})
         return
@@ -65,6 +67,7 @@ def powerflow(*, branches: Branches = False, case: CaseOptions, as_json: Json = 
     if branches:
         _print_branches(out, lines)
     out.print(str(flow))
+    written([page])
 
 
 def _print_branches(out: "Console", lines: list[dict[str, Any]]) -> None:
@@ -102,15 +105,17 @@ def _rest(out: "Console", count: int, what: str) -> None:
         out.print(f"and {count - MOST} more {what}; in a pipe, and with --json, all of them are printed.")
 
 
-def scr(*, trip: Trip = None, case: CaseOptions, as_json: Json = False) -> None:
+def scr(*, trip: Trip = None, report: Report = None, case: CaseOptions, as_json: Json = False) -> None:
     """Compute the short-circuit power of every bus, and the short-circuit ratios of converters."""
     from stabctl.model.short_circuit import installed, short_circuit, short_circuit_ratio
 
+    folder(report)
     loaded = case.load()
     power = short_circuit(loaded, trip=trip)
     ratio = short_circuit_ratio(loaded, trip=trip) if installed(loaded) else None
     buses = [{"bus": b.bus, "short_circuit_mva": float(S)} for b, S in zip(loaded.buses, power.mva, strict=True)]
     rows = ratio.df.to_dict("records") if ratio else []
+    page = power.report(report) if report else None
     if as_json:
         print_json({"case": loaded.name, "wscr": ratio.weighted if ratio else None, "converters": rows, "buses": buses})
         return
@@ -134,3 +139,4 @@ def scr(*, trip: Trip = None, case: CaseOptions, as_json: Json = False) -> None:
     out.print(str(power))
     if ratio:
         out.print(str(ratio))
+    written([page])

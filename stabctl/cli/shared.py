@@ -119,6 +119,13 @@ def impedance(text: str) -> complex:
     return complex(r, x)
 
 
+def written(paths: "Iterable[Path | None]", as_json: bool = False) -> None:
+    """Say which files were written, unless JSON is printed."""
+    for path in paths:
+        if path is not None and not as_json:
+            console().print(f"written: {path}")
+
+
 def print_json(record: dict[str, Any]) -> None:
     """One JSON object on stdout; infinities and NaN become null."""
     print(json.dumps(_plain(record), allow_nan=False))

@@ -22,6 +22,12 @@ Every = Annotated[
 ]
 Out = Annotated[Path | None, Option("--out", help="Write the trajectory to FILE.nc or FILE.csv.")]
 Plot = Annotated[Path | None, Option("--plot", help="Plot speeds, angles, voltages, storage to FILE.png or .svg.")]
+Channels = Annotated[
+    str,
+    Option(
+        "--channels", help="What --plot draws and FILE.csv holds, instead of the usual: voltage:16,speed:2,storage."
+    ),
+]
 AngleReference = Annotated[
     str | None,
     Option("--angle-reference", metavar="MACHINE", help="Machine that the angles in FILE.csv are relative to."),
@@ -51,6 +57,8 @@ def simulate(
     every: Every = "0s",
     angle_reference: AngleReference = None,
     plot: Plot = None,
+    channels: Channels = "",
+    report: options.Report = None,
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
@@ -66,7 +74,10 @@ def simulate(
         raise StudyError("--clear needs --fault or --trip; give a location such as 83 or 7-8@0.4.")
     shared.file(out, ".csv", ".nc")
     shared.file(plot, ".png", ".svg")
+    shared.folder(report)
     through = shared.impedance(fault_impedance)
+    if channels and not (plot or (out and out.suffix.lower() == ".csv")):
+        raise StudyError("--channels applies to a figure and to a .csv file; give --plot FILE.png or --out FILE.csv.")
     if angle_reference is not None and (out is None or out.suffix.lower() != ".csv"):
         raise StudyError("--angle-reference applies to the angles in a .csv file; give --out FILE.csv.")
     loaded = case.load()
@@ -84,17 +95,18 @@ def simulate(
             control=steering,
             step=step,
             criterion=stability.criterion(loaded),
-            every=every if out or plot else until,  # without a file the extremes are enough
+            every=every if out or plot or report else until,  # without a file the extremes are enough
             progress=tell,
         )
     if out:
-        result.save(out, angle_reference=angle_reference)
+        result.save(out, channels=channels, angle_reference=angle_reference)
     if plot:
         from stabctl.view.figures import style, trajectory
 
-        style.save(trajectory.overview(result), plot)
+        style.save(trajectory.overview(result, channels), plot)
+    page = result.report(report) if report else None
     said = contingency.described(loaded) if isinstance(clear, float) else ""
-    _show(result, as_json, [p for p in (out, plot) if p], said)
+    _show(result, as_json, [p for p in (out, plot, page) if p], said)
 
 
 def _show(result: "Trajectory", as_json: bool, written: list[Path], said: str) -> None:

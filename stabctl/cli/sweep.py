@@ -77,22 +77,25 @@ def _progress() -> Iterator[Callable[[int, int], None]]:
         yield tell
 
 
-def show(results: Results, table: Csv = None, as_json: options.Json = False) -> None:
+def show(results: Results, table: Csv = None, report: options.Report = None, as_json: options.Json = False) -> None:
     """Print the results of a sweep as a table."""
     from stabctl.sweep import results as file
 
     shared.file(table, ".csv")
+    shared.folder(report)
     found = file.read(results)
     if table:
         found.save(table)
+    page = found.report(report) if report else None
     if as_json:
         errors = len(found.errors)
         shared.print_json({"rows": list(found.rows), "ok": len(found.rows) - errors, "errors": errors})
     else:
-        _show(found, table)
+        _show(found)
+        shared.written([table, page])
 
 
-def _show(found: "SweepResults", written: Path | None) -> None:
+def _show(found: "SweepResults") -> None:
     from rich.table import Table
 
     from stabctl.sweep.results import cell
@@ -106,5 +109,3 @@ def _show(found: "SweepResults", written: Path | None) -> None:
     for what, sentence in found.errors:
         print(f"{what}: {sentence}")
     print(found)
-    if written:
-        print(f"written {written}")

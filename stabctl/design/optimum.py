@@ -94,6 +94,7 @@ class Optimum(Tabular):
     wall_s: float
 
     plot = verb("stabctl.view.figures.storage_control:plot_optimum")
+    report = verb("stabctl.view.pages.pattern:report")
 
     @property
     def time(self) -> np.ndarray:

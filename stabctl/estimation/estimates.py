@@ -108,6 +108,7 @@ class Estimates(Tabular):
     frames: tuple[Frame, ...] = ()
 
     plot = verb("stabctl.view.figures.estimates:plot")
+    report = verb("stabctl.view.pages.pattern:report")
     fit = verb("stabctl.estimation.fit:fit")
 
     @property

@@ -2,7 +2,7 @@
 
 import textwrap
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -11,6 +11,7 @@ import numpy as np
 
 from stabctl._util.errors import StabctlError, StudyError
 from stabctl._util.tabular import Tabular
+from stabctl._util.verbs import verb
 from stabctl._util.wording import counted, named, together
 from stabctl.dynamics.violations import Violation
 from stabctl.model import conventions
@@ -73,6 +74,8 @@ class ImportReport(Tabular):
     flow: FlowDifference | None = None
     start: InitialState | None = None
     failures: tuple[str, ...] = ()
+
+    report = verb("stabctl.view.pages.pattern:report")
 
     @property
     def complete(self) -> bool:
@@ -205,17 +208,27 @@ def machine(case: Case, v: Violation) -> int | str | None:
 
 
 def page(report: ImportReport) -> str:
-    """The report."""
-    unusual = _section("Unusual data", report.unusual.sentences())
-    parts = [_head(report), unusual, _kinds(report), _complete(report), _unsupported(report), _corrections(report)]
-    return "\n\n".join("\n".join(lines) for part in (*parts, _checks(report)) if (lines := list(part)))
+    """The report as text."""
+    lines = [f"Import of {' and '.join(path.name for path in report.files)}", *about(report)]
+    complete = [line for sentence in completeness(report) for line in textwrap.wrap(sentence, LONGEST)]
+    checked = [f"{what:{WIDTH}}{value}".rstrip() for what, value in checks(report)]
+    parts = [
+        lines,
+        _section("Unusual data", report.unusual.sentences()),
+        list(_kinds(report)),
+        complete,
+        _section("Not supported", unsupported(report)),
+        _section("Corrections", corrections(report)),
+        [*checked, *(line for sentence in report.failures for line in textwrap.wrap(sentence, LONGEST))],
+    ]
+    return "\n\n".join("\n".join(part) for part in parts if part)
 
 
-def _head(report: ImportReport) -> Iterator[str]:
+def about(report: ImportReport) -> Iterator[str]:
+    """Size, title and conventions of the system."""
     case = report.case
     sizes = {"bus": case.buses, "branch": case.branches, "machine": case.machines, "load": case.loads}
     parts = ", ".join(counted(len(rows), noun) for noun, rows in sizes.items())
-    yield f"Import of {' and '.join(path.name for path in report.files)}"
     yield f"{parts}; {case.frequency_hz:g} Hz, {case.base_mva:g} MVA"
     if case.title:
         yield case.title
@@ -238,7 +251,8 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int) -> Iter
         yield "  ".join(cells).rstrip()
 
 
-def _complete(report: ImportReport) -> Iterator[str]:
+def completeness(report: ImportReport) -> Iterator[str]:
+    """Whether all is represented, one sentence each."""
     if report.kinds:
         yield f"{report.supported} of {counted(report.records, 'record')} supported."
     if not report.case.devices:
@@ -249,56 +263,55 @@ def _complete(report: ImportReport) -> Iterator[str]:
     else:
         yield "The import is incomplete: some data of the files are not represented."
     if report.stored and not report.complete and report.files[0].suffix.lower() == ".raw":
-        yield "For the checks below, machines without a model are constant-power injections, and the outputs"
-        yield "of controls without a model are constant."
+        yield (
+            "For the checks below, machines without a model are constant-power injections, and the outputs of controls "
+            "without a model are constant."
+        )
 
 
-def _unsupported(report: ImportReport) -> Iterator[str]:
+def unsupported(report: ImportReport) -> Iterator[str]:
+    """What is not represented, those alike together, one sentence each."""
     alike: dict[tuple[str, str, Path], list[Unsupported]] = defaultdict(list)
     for u in report.unsupported:
         alike[u.kind, u.reason, u.place.path].append(u)
-    if alike:
-        yield "Not supported"
     for (kind, reason, path), found in alike.items():
         lines = ", ".join(str(u.place.line) for u in found)
         owners = ", ".join(dict.fromkeys(u.owner for u in found if u.owner))
         where = f"{path.name} {named(len(found), 'line')} {lines}"
-        yield from _wrapped(f"{kind}: {reason} ({where}{f'; {owners}' if owners else ''})")
+        yield f"{kind}: {reason} ({where}{f'; {owners}' if owners else ''})"
 
 
-def _corrections(report: ImportReport) -> Iterator[str]:
+def corrections(report: ImportReport) -> list[str]:
+    """What was changed, with the names of the files, those alike together."""
     sentences = list(report.corrections)
     for path in report.files:
         sentences = [sentence.replace(str(path), path.name) for sentence in sentences]
-    return _section("Corrections", together(sentences))
+    return together(sentences)
 
 
-def _section(title: str, sentences: Sequence[str]) -> Iterator[str]:
-    if sentences:
-        yield title
-    yield from (line for sentence in sentences for line in _wrapped(sentence))
+def _section(title: str, sentences: Iterable[str]) -> list[str]:
+    """The title and the sentences below it, if there are any."""
+    how: Any = {"initial_indent": "  ", "subsequent_indent": "    ", "break_long_words": False}
+    lines = [line for sentence in sentences for line in textwrap.wrap(sentence, LONGEST, **how)]
+    return [title, *lines] if lines else []
 
 
-def _wrapped(sentence: str) -> list[str]:
-    return textwrap.wrap(sentence, LONGEST, initial_indent="  ", subsequent_indent="    ", break_long_words=False)
-
-
-def _checks(report: ImportReport) -> Iterator[str]:
+def checks(report: ImportReport) -> Iterator[tuple[str, str]]:
+    """What was checked, and the result."""
     stored, flow, start = report.stored, report.flow, report.start
     if stored:
         value = f"{_number(stored.mw)} MW (bus {stored.bus}), {_number(stored.mvar)} Mvar"
-        yield _row("Power mismatch at the stored voltages", value)
+        yield "Power mismatch at the stored voltages", value
     if flow:
         value = f"{_number(flow.dv)} pu, {_number(flow.dangle)} degrees"
-        yield _row("Power flow minus stored voltages", value)
+        yield "Power flow minus stored voltages", value
     if start:
         at = f" ({start.state})" if start.rate > 1e-8 else ""
-        yield _row("Largest |dx/dt| at the start", f"{_number(start.rate)} 1/s{at}")
+        yield "Largest |dx/dt| at the start", f"{_number(start.rate)} 1/s{at}"
         text = f"{_number(start.drift)} pu" if np.isfinite(start.drift) else "the run ends before"
-        yield _row(f"Drift over {DRIFT_S:g} s without a fault", text)
-        yield _row("Limits exceeded at the start", "" if start.violations else "none")
-        yield from (f"  {_violation(v)}" for v in start.violations)
-    yield from (line for sentence in report.failures for line in textwrap.wrap(sentence, LONGEST))
+        yield f"Drift over {DRIFT_S:g} s without a fault", text
+        yield "Limits exceeded at the start", "" if start.violations else "none"
+        yield from ((f"  {_violation(v)}", "") for v in start.violations)
 
 
 def _violation(v: Violation) -> str:
@@ -306,10 +319,6 @@ def _violation(v: Violation) -> str:
         return f"{v.owner} is not in equilibrium at the power flow"
     needs = f", the power flow needs {v.needed:.4g} pu" if np.isfinite(v.needed) else ""
     return f"{v.device} of {v.owner}: {v.limit} = {v.value:g} pu{needs}"
-
-
-def _row(what: str, value: str) -> str:
-    return f"{what:{WIDTH}}{value}".rstrip()
 
 
 def _number(value: float) -> str:

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from stabctl._util.errors import PowerFlowError
+from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.devices.loads import zip_load
 
@@ -49,6 +50,8 @@ class PowerFlow:
     V: np.ndarray
     S: np.ndarray
     iterations: int
+
+    report = verb("stabctl.view.pages.pattern:report")
 
     @property
     def branch_power(self) -> np.ndarray:

@@ -40,6 +40,7 @@ class ShortCircuit:
     impedance: np.ndarray
 
     plot = verb("stabctl.view.figures.grid_strength:plot_short_circuit")
+    report = verb("stabctl.view.pages.pattern:report")
 
     @property
     def mva(self) -> np.ndarray:

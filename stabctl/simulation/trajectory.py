@@ -1,5 +1,6 @@
 """The result of a run: an immutable record of every signal with its units, and the signals as plain arrays."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,8 +13,11 @@ from stabctl._util.errors import StudyError
 from stabctl._util.tabular import csv_text
 from stabctl._util.verbs import verb
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.dynamics.storage import Places, currents, places
+from stabctl.model import naming
 
+from . import channels as recorded
+from .arrays import Arrays
+from .channels import QUANTITIES
 from .outcome import Outcome
 from .swings import group
 from .timeline import Change
@@ -62,6 +66,7 @@ class Trajectory:
     idle: bool = False
 
     plot = verb("stabctl.view.figures.trajectory:plot")
+    report = verb("stabctl.view.pages.pattern:report")
 
     @cached_property
     def arrays(self) -> "Arrays":
@@ -134,22 +139,10 @@ class Trajectory:
         """Every signal with its units; dimensions time, machine (with a rotor), unit, bus and device (storage)."""
         import xarray as xr
 
-        case, a = self.point.case, self.arrays
-        signals = {
-            "angle": ("machine", self._where_on(a.angle), "rad", "rotor angle relative to the synchronous frame"),
-            "speed": ("machine", self._where_on(a.speed), "pu", "rotor speed"),
-            "field_voltage": ("machine", a.Efd, "pu", "field voltage"),
-            "mechanical_power": ("machine", a.Pm, "pu", "mechanical power, machine base"),
-            "electrical_power": ("unit", a.P, "MW", "terminal power"),
-            "voltage": ("bus", np.abs(a.V), "pu", "voltage magnitude"),
-            "voltage_angle": ("bus", np.angle(a.V), "rad", "voltage angle"),
-            "storage": ("device", a.storage, "MW", "power of the storage device, positive when absorbing"),
-            "storage_order": ("device", a.order, "1", "order of the storage device, in ratings"),
-            "storage_energy": ("device", a.energy, "MWh", "energy in the storage device"),
-        }
+        case = self.point.case
         data = {
-            k: (("time", dim), values, {"units": unit, "long_name": text})
-            for k, (dim, values, unit, text) in signals.items()
+            name: (("time", q.of), self.values(name), {"units": q.unit, "long_name": q.meaning})
+            for name, q in QUANTITIES.items()
         }
         coords = {
             "time": ("time", self.time, {"units": "s"}),
@@ -163,69 +156,76 @@ class Trajectory:
 
     @cached_property
     def df(self) -> "pd.DataFrame":
-        """The `table` with absolute angles."""
+        """The `table` of the usual channels."""
         return self.table()
 
-    def table(self, angle_reference: int | str | None = None) -> "pd.DataFrame":
-        """A row per step: time_s; of machines speed_pu, angle_rad (NaN once off); of buses voltage_pu; storage_mw.
-
-        If the machines have names, as those of imported cases: speed_pu:30/1, angle_deg:30/1, efd_pu:30/1, v_pu:30.
+    def table(self, channels: str | Iterable[str] = "", angle_reference: int | str | None = None) -> "pd.DataFrame":
+        """Return channels of the run as a table, a row per recorded instant.
 
         Parameters
         ----------
-        angle_reference
+        channels : str or iterable of str
+            What the columns hold: "voltage:16,speed:2", or "speed" for all speeds. The quantities are speed, angle,
+            field_voltage, mechanical_power, electrical_power, voltage, voltage_angle, storage, storage_order and
+            storage_energy. By default speeds, angles, field voltages, bus voltages and powers of storage.
+        angle_reference : int or str, optional
             Name or number of the machine that angles are relative to; by default they are relative to the synchronous
             frame.
 
         Returns
         -------
         DataFrame
+            Columns time_s (s), and by machine speed_pu:2, angle_deg:2, efd_pu:2 (empty once it is off), pm_pu:2 and
+            p_mw:2, by bus v_pu:16 and v_angle_deg:16, by storage device storage_mw:2@16 (positive when absorbing),
+            storage_order:2@16 (in ratings) and storage_mwh:2@16.
 
         Raises
         ------
         StudyError
-            If there is no such machine, or it has no rotor.
+            If there is no such quantity, machine, bus or device, or the reference has no rotor.
+
+        Examples
+        --------
+        >>> run = st.load("two_area").simulate(st.Contingency("8", clear="0.1s"), until=2)
+        >>> [*run.table("voltage:8,speed:2")]
+        ['time_s', 'v_pu:8', 'speed_pu:2']
         """
         import pandas as pd
 
-        case, a, names = self.point.case, self.arrays, self.point.rotor_names
-        angle = a.angle if angle_reference is None else a.angle - a.angle[:, [self._rotor(angle_reference)]]
-        signals = {"speed_pu": a.speed, "angle_rad": angle}
-        if any(m.name for m in case.machines):
-            signals = {"speed_pu": a.speed, "angle_deg": np.rad2deg(angle), "efd_pu": a.Efd}
-        columns: dict[str, np.ndarray] = {"time_s": self.time}
-        for name, given in signals.items():
-            values = self._where_on(given)
-            columns |= {f"{name}:{m}": values[:, i] for i, m in enumerate(names)}
-        size, voltage = np.abs(a.V), "v_pu" if "efd_pu" in signals else "voltage_pu"
-        columns |= {f"{voltage}:{b.bus}": size[:, i] for i, b in enumerate(case.buses)}
-        total: dict[str, np.ndarray] = {}
-        for j, s in enumerate(case.storage):
-            name = f"storage_mw:{case.machine(s.machine).called}"
-            total[name] = total.get(name, 0.0) + a.storage[:, j]
-        return pd.DataFrame(columns | total)
+        case, rotors = self.point.case, self.point.rotors.unit.tolist()
+        usual = [name for name in recorded.TABLE if case.storage or QUANTITIES[name].of != "device"]
+        wanted = recorded.chosen(case, channels or usual, rotors)
+        values = {name: self.values(name) for name in dict.fromkeys(c.quantity for c in wanted)}
+        if angle_reference is not None:
+            row = naming.row(case, "machines", angle_reference)
+            if row not in rotors:
+                raise StudyError(
+                    f"Machine {angle_reference} of {case.name} has no rotor; angles cannot be relative to it."
+                )
+            if "angle" in values:
+                values["angle"] = values["angle"] - self.arrays.angle[:, [rotors.index(row)]]
+        columns = {
+            f"{QUANTITIES[c.quantity].column}:{c.label}": QUANTITIES[c.quantity].factor * values[c.quantity][:, c.place]
+            for c in wanted
+        }
+        return pd.DataFrame({"time_s": self.time} | columns)
 
-    def _rotor(self, machine: int | str) -> int:
-        """Place of a machine among those with a rotor."""
-        row = self.point.case.machines.index(self.point.case.machine(machine))
-        found = np.flatnonzero(self.point.rotors.unit == row)
-        if not len(found):
-            raise StudyError(
-                f"Machine {machine} of {self.point.case.name} has no rotor; angles cannot be relative to it."
-            )
-        return int(found[0])
+    def values(self, quantity: str) -> np.ndarray:
+        """Values of a quantity (rows, all of its dimension), in the unit of `dataset`."""
+        found = QUANTITIES[quantity].values(self.arrays)
+        return np.where(self.on, found, np.nan) if QUANTITIES[quantity].while_on else found
 
-    def _where_on(self, values: np.ndarray) -> np.ndarray:
-        """Values of rotor units (rows, rotor units), NaN after a unit is disconnected."""
-        return np.where(self.on, values, np.nan)
-
-    def save(self, path: str | Path, *, angle_reference: int | str | None = None) -> Path:
+    def save(
+        self, path: str | Path, *, channels: str | Iterable[str] = "", angle_reference: int | str | None = None
+    ) -> Path:
         """Write the trajectory to a file, atomically.
 
         Parameters
         ----------
         path : str or Path
             File to write: .csv for `table`, .nc for `dataset` as NetCDF.
+        channels : str or iterable of str
+            Columns of a .csv file, as in `table`.
         angle_reference : int or str, optional
             Machine to which the angles of a .csv file are relative.
 
@@ -237,11 +237,11 @@ class Trajectory:
         Raises
         ------
         StudyError
-            For another suffix, a reference without a rotor, or a file that cannot be written.
+            For another suffix, an unknown channel, a reference without a rotor, or a file that cannot be written.
         """
         path = files.path_of(path)
         if path.suffix.lower() == ".csv":
-            files.replace(path, csv_text(self.table(angle_reference)))
+            files.replace(path, csv_text(self.table(channels, angle_reference)))
         elif path.suffix.lower() == ".nc":
             kept = self.dataset if self.point.case.storage else self.dataset.drop_dims("device")
             files.replace(path, bytes(kept.to_netcdf(engine="scipy")))
@@ -268,95 +268,3 @@ class Happened(NamedTuple):
     changes: tuple[Change, ...]  # the network after every event
     off_s: np.ndarray  # (units) s   time at which a unit was disconnected; infinite if it was not
     island: np.ndarray  # (units) its island at the end, -1 if it is off
-
-
-class Arrays:
-    """Signals of a run in the order of the case's tables, a row per recorded instant.
-
-    Parameters
-    ----------
-    point
-        The operating point that the run started from.
-    rows
-        All signals at every instant (rows, signals), as the stepper recorded them.
-    """
-
-    def __init__(self, point: OperatingPoint, rows: np.ndarray) -> None:
-        self._point, self._rows = point, rows
-
-    @cached_property
-    def angle(self) -> np.ndarray:
-        """Rotor angles relative to the synchronous frame (rows, rotor units), rad."""
-        return _fixed(self._rows[:, self._point.rotors.angle])
-
-    @cached_property
-    def speed(self) -> np.ndarray:
-        """Rotor speeds (rows, rotor units), pu."""
-        return _fixed(self._rows[:, self._point.rotors.speed])
-
-    @cached_property
-    def coi_speed(self) -> np.ndarray:
-        """Speed of the center of inertia of all rotors (rows), pu; valid for one island with all machines connected."""
-        H = self._point.rotors.inertia
-        return _fixed(self.speed @ H / H.sum())
-
-    @cached_property
-    def swing(self) -> np.ndarray:
-        """Changes of the angles relative to the COI of the island (rows, rotor units), rad; valid without switching."""
-        return _fixed(self._point.from_center(self.angle - self.angle[0], self._point.inertia))
-
-    @cached_property
-    def V(self) -> np.ndarray:
-        """Bus voltages (rows, buses), complex, pu."""
-        return _fixed(np.ascontiguousarray(self._rows[:, self._point.layout.voltages]).view(complex))
-
-    @cached_property
-    def P(self) -> np.ndarray:
-        """Active power of the units (rows, units), MW."""
-        layout, machines = self._point.layout, self._point.case.machines
-        places = [layout.signals[unit, "P"] for unit in range(len(machines))]
-        return _fixed(self._rows[:, places] * np.array([m.base for m in machines]))
-
-    @cached_property
-    def Pm(self) -> np.ndarray:
-        """Mechanical powers (rows, rotor units), pu on the machine base; 0 for a disconnected unit."""
-        return _fixed(self._of_units("Pm"))
-
-    @cached_property
-    def Efd(self) -> np.ndarray:
-        """Field voltages (rows, rotor units), pu."""
-        return _fixed(self._of_units("Efd"))
-
-    def _of_units(self, name: str) -> np.ndarray:
-        """A signal of every rotor unit; 0 for units without such a signal."""
-        layout = self._point.layout
-        return self._rows[:, [layout.signals.get((unit, name), layout.zero) for unit in self._point.rotors.unit]]
-
-    @cached_property
-    def storage(self) -> np.ndarray:
-        """Power of the storage devices (rows, devices), MW, positive when absorbing."""
-        return _fixed(self._rows[:, self._storage.P] * self._point.case.base_mva)
-
-    @cached_property
-    def energy(self) -> np.ndarray:
-        """Energy in the storage devices (rows, devices), MWh; from the initial energy if unlimited."""
-        return _fixed(self._rows[:, self._storage.energy] * self._point.case.base_mva / 3600)
-
-    @cached_property
-    def storage_current(self) -> np.ndarray:
-        """Currents of the converters of storage (rows, devices), pu on their MVA; 0 of ideal devices."""
-        return _fixed(currents(self._point.system, self._point.case, self._rows))
-
-    @cached_property
-    def order(self) -> np.ndarray:
-        """Orders of the storage devices (rows, devices), in ratings, positive when absorbing."""
-        return _fixed(self._rows[:, self._storage.order])
-
-    @cached_property
-    def _storage(self) -> Places:
-        return places(self._point.system, self._point.case)
-
-
-def _fixed(array: np.ndarray) -> np.ndarray:
-    array.setflags(write=False)
-    return array

@@ -57,6 +57,7 @@ class WeakGrid:
     growth: np.ndarray
 
     plot = verb("stabctl.view.figures.grid_strength:plot_weak_grid")
+    report = verb("stabctl.view.pages.pattern:report")
 
     @property
     def damping_ratio(self) -> np.ndarray:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from stabctl._util.errors import StudyError
 from stabctl._util.schema import fields
 from stabctl._util.tabular import Tabular
+from stabctl._util.verbs import verb
 from stabctl.jobs import store
 from stabctl.jobs.task import COMPUTED
 
@@ -28,6 +29,8 @@ class Results(Tabular):
     """The rows of a results file, in order; changes of the case are columns of their own in tables, as `pss.1.K`."""
 
     rows: tuple[dict[str, Any], ...]
+
+    report = verb("stabctl.view.pages.pattern:report")
 
     @cached_property
     def inputs(self) -> tuple[str, ...]:

@@ -95,12 +95,12 @@ def test_table_out_and_plot(stabctl, tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
     rows = list(csv.reader(table.open()))
     assert rows[0][0] == "time_s"
-    assert {"speed_pu:1", "angle_rad:4", "voltage_pu:11", "storage_mw:1", "storage_mw:4"} <= set(rows[0])
+    assert {"speed_pu:1", "angle_deg:4", "v_pu:11", "storage_mw:1@5", "storage_mw:4@9"} <= set(rows[0])
     times = [float(r[0]) for r in rows[1:]]
     assert times[0] == 0
     assert times[-1] == 2
     assert len(times) == 241  # a row per step, and the end
-    ends = [float(r[rows[0].index("storage_mw:4")]) for r in rows[1:]]
+    ends = [float(r[rows[0].index("storage_mw:4@9")]) for r in rows[1:]]
     assert max(map(abs, ends)) == pytest.approx(20, rel=1e-9)
 
 

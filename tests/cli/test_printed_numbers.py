@@ -150,11 +150,11 @@ def test_a_simulation_is_that_of_python(odd, printed, told, tmp_path):
     assert found["time_s"] == pytest.approx(run.time, abs=1e-12)
     for i, m in enumerate(odd.machines):
         assert found[f"speed_pu:{m.machine}"] == pytest.approx(a.speed[:, i], abs=1e-12)
-        assert found[f"angle_rad:{m.machine}"] == pytest.approx(a.angle[:, i], abs=1e-12)
-        assert found[f"storage_mw:{m.machine}"] == pytest.approx(a.storage[:, i], abs=1e-9)
+        assert found[f"angle_deg:{m.machine}"] == pytest.approx(np.degrees(a.angle[:, i]), abs=1e-10)
+        assert found[f"storage_mw:{m.machine}@{m.storage_bus}"] == pytest.approx(a.storage[:, i], abs=1e-9)
         assert 0.2 * 0.07 * m.base < np.abs(a.storage[:, i]).max() <= 0.07 * m.base * (1 + 1e-9)  # MW
     for i, b in enumerate(odd.buses):
-        assert found[f"voltage_pu:{b.bus}"] == pytest.approx(np.abs(a.V[:, i]), abs=1e-12)
+        assert found[f"v_pu:{b.bus}"] == pytest.approx(np.abs(a.V[:, i]), abs=1e-12)
 
 
 def test_a_clearing_time_is_that_of_python(odd, printed, told):

@@ -64,6 +64,7 @@ WRONG = {  # a command with an input that it refuses as soon as it looks at it
     "import": ("none.raw",),
     "simulate": ("none", *FAULT[1:], "--clear", "6cyc"),
     "estimate": ("none", *FAULT[1:], "--clear", "6cyc"),
+    "clearing-time": ("none", *FAULT[1:]),
     "design optimum": ("none", *FAULT[1:]),
     "linearize": ("none", "--inputs", "vref:2", "--outputs", "speed:2"),
     "weak-grid": ("none", "--converter", "1"),

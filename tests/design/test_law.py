@@ -131,7 +131,7 @@ def test_a_law_from_the_command_line_is_taken_by_clearing_time(stabctl, tmp_path
     assert code == 0
     record = json.loads(out)
     assert record["contingencies"][0]["group"] == "3+4"
-    assert (tmp_path / "law_two_area.html").is_file()
+    assert (tmp_path / "two_area_law.html").is_file()
     code, out, _ = stabctl("clearing-time", *words, "--controller", law, "--json")
     assert code == 0
     assert json.loads(out)["cycles"] == record["contingencies"][0]["designed_cycles"]

@@ -134,7 +134,7 @@ def test_the_command(stabctl, tmp_path):
     assert (code, record["tolerance"]) == (0, 0.05)
     rows = {row["fleet"]: row["stable"] for row in record["evidence"]}
     assert (rows["9@29 x0.95"], rows["9@29 x1.05"]) == ([True], [True])
-    page = (tmp_path / "placement_ieee39.html").read_text(encoding="utf-8")
+    page = (tmp_path / "ieee39_place.html").read_text(encoding="utf-8")
     assert "9@29 x0.95" in page
     assert "any one site has 5 % less or more" in page
     code, out, err = stabctl(*words, "--tolerance", "150%")

@@ -32,14 +32,22 @@ class TestTrajectory:
         assert list(frame.columns) == [
             "time_s",
             *(f"speed_pu:{m}" for m in (1, 2, 3, 4)),
-            *(f"angle_rad:{m}" for m in (1, 2, 3, 4)),
-            *(f"voltage_pu:{b}" for b in range(1, 12)),
-            "storage_mw:1",
-            "storage_mw:2",
+            *(f"angle_deg:{m}" for m in (1, 2, 3, 4)),
+            *(f"efd_pu:{m}" for m in (1, 2, 3, 4)),
+            *(f"v_pu:{b}" for b in range(1, 12)),
+            "storage_mw:1@5",
+            "storage_mw:2@6",
         ]
         assert len(frame) == traced.steps + 1
         again = pd.read_csv(traced.save(tmp_path / "run.csv"))
         assert np.abs(again.to_numpy() - frame.to_numpy()).max() < 1e-12
+        assert list(traced.table("voltage:8,storage_energy,speed:2")) == [
+            *("time_s", "v_pu:8", "storage_mwh:1@5", "storage_mwh:2@6", "speed_pu:2")
+        ]
+        for wrong, said in (("torque", "not a quantity"), ("voltage:99", "no bus 99"), (",", "No channel is named")):
+            with pytest.raises(StudyError, match=said):
+                traced.save(tmp_path / "wrong.csv", channels=wrong)
+        assert not (tmp_path / "wrong.csv").exists()
         data = traced.dataset
         assert data["speed"].dims == ("time", "machine")
         assert data["voltage"].dims == ("time", "bus")

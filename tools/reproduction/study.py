@@ -21,6 +21,7 @@ from reproduction.comparison import Comparison, Printed
 from stabctl._util import files
 from stabctl._util.errors import StabctlError, StudyError, sentence
 from stabctl.view.figures import style
+from stabctl.view.pages import pattern
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,6 +42,11 @@ class Table:
     title: str
     heads: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+
+    @property
+    def shown(self) -> pattern.Table:
+        """The table of a page."""
+        return pattern.table(self.heads, self.rows)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from stabctl.smallsignal.sensitivity import Sensitivity
 
 from . import style
 from .palette import COLORS, GRAY, LABELS
-from .style import ranked, single
+from .style import apart, ranked, single
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -173,13 +173,6 @@ def spread(angles: list[float], gap: float) -> list[float]:
     around = [angles[i] % 360 for i in order]
     widest = max(range(len(around)), key=lambda i: (around[i] - around[i - 1]) % 360 or 360)
     order = order[widest:] + order[:widest]
-    groups: list[tuple[float, int]] = []  # first angle, number
     start = angles[order[0]] % 360
-    for i in order:
-        groups.append((start + (angles[i] % 360 - start) % 360, 1))
-        while len(groups) > 1 and groups[-2][0] + gap * groups[-2][1] > groups[-1][0]:
-            (a, m), (b, n) = groups[-2:]
-            middle = (m * (a + gap * (m - 1) / 2) + n * (b + gap * (n - 1) / 2)) / (m + n)
-            groups[-2:] = [(middle - gap * (m + n - 1) / 2, m + n)]
-    placed = [first + gap * k for first, count in groups for k in range(count)]
+    placed = apart([start + (angles[i] % 360 - start) % 360 for i in order], gap)
     return [at for _, at in sorted(zip(order, placed, strict=True))]

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
+import numpy as np
 from matplotlib import rcParams
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.font_manager import fontManager
@@ -22,13 +23,14 @@ from stabctl._util.errors import StudyError, shown
 from .palette import COLORS, FONTS
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.backend_bases import RendererBase
+    from matplotlib.lines import Line2D
 
 
 MARKERS = "os^Dv"
+GAP = 0.145  # inches   between two names at the ends of curves
 DPI = 150
 _texts: "WeakKeyDictionary[Artist, tuple[str, ...]]" = WeakKeyDictionary()
 
@@ -89,6 +91,53 @@ def ranked(ax: "Axes", names: Sequence[str]) -> None:
     ax.set_yticks(range(len(names)), names)
     ax.set_ylim(len(names) - 0.4, -0.6)
     ax.grid(visible=False, axis="y")
+
+
+def apart(places: Sequence[float], gap: float) -> list[float]:
+    """Move places, in ascending order, until they are at least `gap` apart, each group about its middle."""
+    groups: list[tuple[float, int]] = []  # first place, number
+    for place in places:
+        groups.append((place, 1))
+        while len(groups) > 1 and groups[-2][0] + gap * groups[-2][1] > groups[-1][0]:
+            (a, m), (b, n) = groups[-2:]
+            middle = (m * (a + gap * (m - 1) / 2) + n * (b + gap * (n - 1) / 2)) / (m + n)
+            groups[-2:] = [(middle - gap * (m + n - 1) / 2, m + n)]
+    return [first + gap * k for first, count in groups for k in range(count)]
+
+
+def name_at_ends(ax: "Axes", lines: "Sequence[Line2D]", texts: Sequence[str], *, height: float) -> None:
+    """Write a text at the right end of every curve, in its color; the axes are so many inches high."""
+    low, high = ax.get_ylim()
+    ends = []
+    for line in lines:
+        y = np.asarray(line.get_ydata(), float)
+        ends.append(float(y[np.isfinite(y)][-1:].sum() - low) / (high - low))
+    order = sorted(range(len(ends)), key=ends.__getitem__)
+    for k, place in zip(order, apart([min(max(ends[k], 0.0), 1.0) for k in order], GAP / height), strict=True):
+        ax.text(
+            1.01,
+            place,
+            texts[k],
+            transform=ax.transAxes,
+            color=lines[k].get_color(),
+            va="center",
+            fontsize="small",
+        )
+
+
+def legend_below(ax: "Axes") -> None:
+    """Put a legend of what has a label below the right end of the axes, under the name of the axis."""
+    if handles := ax.get_legend_handles_labels()[0]:
+        ax.legend(
+            loc="upper right",
+            bbox_to_anchor=(1.0, 0.0),
+            ncols=len(handles),
+            frameon=False,
+            fontsize="small",
+            borderaxespad=3.6,
+            columnspacing=1.0,
+            handlelength=1.2,
+        )
 
 
 def legend_beside(ax: "Axes", labels: Sequence[str]) -> None:

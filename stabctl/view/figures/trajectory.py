@@ -1,4 +1,4 @@
-"""Figures of simulations: one signal, an overview, several runs side by side, storage device by device."""
+"""Figures of simulations: one quantity, an overview, several runs side by side, storage device by device."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -6,23 +6,29 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from stabctl._util.errors import StudyError
+from stabctl.model import naming
+from stabctl.model.case import Case
+from stabctl.simulation.channels import QUANTITIES, Channel, chosen
 from stabctl.simulation.trajectory import Trajectory
 
 from .palette import COLORS, GRAY, LABELS, MANY
-from .style import legend_beside, single, subplots
+from .style import legend_below, name_at_ends, single, subplots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 
-SIGNALS = "speed", "angle", "voltage", "power", "storage"
-JUMPING = "voltage", "power"  # signals that jump at events
-LEAST = {"speed": 0.01, "angle": 1.0, "voltage": 0.01, "power": 1.0, "storage": 1.0}  # smallest range of an axis
+USUAL = "speed", "angle", "voltage", "storage"
+JUMPING = "voltage", "voltage_angle", "electrical_power"  # quantities that jump at events
+LEAST = {"angle": 1.0, "voltage_angle": 1.0, "electrical_power": 1.0, "storage": 1.0, "storage_energy": 0.001}
+MOVING = 5  # curves in color if there are too many for all
+STILL = 0.01  # smallest range of an axis, if not in LEAST
 
 
 class Signal(NamedTuple):
-    """Curves of one signal."""
+    """Curves of one quantity."""
 
     values: np.ndarray  # (rows, curves)
     names: list[str]
@@ -36,7 +42,7 @@ def plot(
     machines: Sequence[int | str] | None = None,
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """Plot one signal of a simulation against time.
+    """Plot one quantity of a simulation against time.
 
     Parameters
     ----------
@@ -44,9 +50,11 @@ def plot(
         The simulation, with its rows recorded.
     signal
         ``"speed"`` (Hz), ``"angle"`` (deg, from the center of inertia), ``"voltage"`` (pu, at the buses where storage
-        connects), ``"power"`` (MW, electrical) or ``"storage"`` (MW, positive when absorbing).
+        connects), ``"field_voltage"`` (pu), ``"mechanical_power"`` (pu), ``"electrical_power"`` (MW),
+        ``"voltage_angle"`` (deg), ``"storage"`` (MW, positive when absorbing), ``"storage_order"`` (in ratings) or
+        ``"storage_energy"`` (MWh); of certain machines, buses or devices: ``"voltage:16,voltage:17"``.
     others
-        Not allowed: one plot shows one signal.
+        Not allowed: one plot shows one quantity.
     machines
         Names or numbers of the machines to show. Default: all.
     ax
@@ -59,30 +67,30 @@ def plot(
     Raises
     ------
     StudyError
-        If there is no such signal, more than one, or the case has no storage to show.
+        If there is no such quantity, more than one, or the case has no storage to show.
     """
-    if others:
+    quantities = _quantities(run, signal)
+    if others or len(quantities) != 1:
         raise StudyError(
-            f"One plot shows one signal, but {1 + len(others)} are given; plot each of them, with ax= on axes of one "
-            "figure if you like."
+            f"One plot shows one quantity, but {len(others) + len(quantities)} are given; plot each of them, with ax= "
+            "on axes of one figure if you like."
         )
-    if signal not in SIGNALS:
-        raise StudyError(f"There is no signal {signal!r}; choose one of {', '.join(SIGNALS)}.")
-    if signal == "storage" and not run.point.case.storage:
-        raise StudyError(f"{run.point.case.name} has no storage to plot; add some with storage='50MW', for example.")
+    ((quantity, shown),) = quantities.items()
     ax = single(ax, 8, 4)
-    _draw(ax, run, signal, machines)
+    _draw(ax, run, quantity, shown, machines=machines)
     ax.set_xlabel(LABELS["time"])
     ax.set_title(f"{run.point.case.name}: {run.outcome.message}", fontsize="medium", wrap=True)
     return ax
 
 
-def overview(run: Trajectory, machines: Sequence[int | str] | None = None) -> "Figure":
-    """Plot speeds, angles, voltages and, if there is storage, its power, one above the other."""
-    signals = ["speed", "angle", "voltage"] + ["storage"] * bool(run.point.case.storage)
-    figure, axes = subplots(9, 2.3 * len(signals) + 0.6, len(signals), sharex=True)
-    for ax, signal in zip(axes[:, 0], signals, strict=True):
-        _draw(ax, run, signal, machines)
+def overview(run: Trajectory, signals: str = "", *, machines: Sequence[int | str] | None = None) -> "Figure":
+    """Plot quantities one above the other: speeds, angles, voltages and, if there is storage, its power, or a "
+    "choice."""
+    usual = [name for name in USUAL if run.point.case.storage or name != "storage"]
+    quantities = _quantities(run, signals or ",".join(usual))
+    figure, axes = subplots(9, 2.3 * len(quantities) + 0.6, len(quantities), sharex=True)
+    for ax, (quantity, shown) in zip(axes[:, 0], quantities.items(), strict=True):
+        _draw(ax, run, quantity, shown, machines=machines, legend=ax is axes[-1, 0], height=1.9)
     axes[-1, 0].set_xlabel(LABELS["time"])
     figure.align_ylabels(axes)
     figure.suptitle(f"{run.point.case.name}: {run.outcome.message}", fontsize="medium", wrap=True)
@@ -95,7 +103,7 @@ def compare(
     """Plot one signal of several runs, given by title, side by side on the same scale."""
     figure, axes = subplots(5 * len(runs), 3.8, 1, len(runs), sharey=True)
     for ax, (title, run) in zip(axes[0], runs.items(), strict=True):
-        _draw(ax, run, signal, machines, legend=ax is axes[0, -1])
+        _draw(ax, run, signal, machines=machines, legend=ax is axes[0, -1])
         ax.set_title(f"{title}\n{run.outcome.kind.value.replace('_', ' ')}", fontsize="medium")
         ax.set_xlabel(LABELS["time"])
         ax.label_outer()
@@ -120,35 +128,71 @@ def storage(run: Trajectory, machines: Sequence[int | str] | None = None) -> "Fi
     return figure
 
 
-def _draw(ax: "Axes", run: Trajectory, signal: str, machines: Sequence[int | str] | None, legend: bool = True) -> None:
-    """Draw the curves of a signal: each in its own color if they are few, else those of machines that are unstable."""
-    values, names, owners = _signal(run, signal, machines)
-    colors = _colors(names, owners, run.unstable_machines)
-    times, values = _with_jumps(run, values) if signal in JUMPING else (run.time, values)
+def _quantities(run: Trajectory, text: str) -> dict[str, tuple[Channel, ...]]:
+    """What a text such as "voltage:16,voltage:17,speed" shows of each quantity; nothing: what is usual."""
+    case, found = run.point.case, dict[str, tuple[Channel, ...]]()
+    for name in naming.listed(text):
+        channels = chosen(case, name, run.point.rotors.unit.tolist())
+        before = found.get(channels[0].quantity, ())
+        found[channels[0].quantity] = (*before, *channels) if ":" in name else ()
+    if not found:
+        chosen(case, text, ())  # says what is wrong
+    return found
+
+
+def _draw(
+    ax: "Axes",
+    run: Trajectory,
+    quantity: str,
+    shown: Sequence[Channel] = (),
+    *,
+    machines: Sequence[int | str] | None = None,
+    legend: bool = True,
+    height: float = 3.0,
+) -> None:
+    """Draw the curves of a quantity: each in its own color if they are few, else those of machines that are "
+    "unstable."""
+    values, names, owners = _signal(run, quantity, shown, machines)
+    colors = _colors(values, owners, run)
+    times, values = _with_jumps(run, values) if quantity in JUMPING else (run.time, values)
+    named: dict[Line2D, str] = {}
     thin = [color in (GRAY, MANY) for color in colors]
     for k in sorted(range(len(names)), key=thin.__getitem__):
         look: Any = {"linewidth": 0.6, "zorder": 1.9} if thin[k] else {"linewidth": 1.3}
-        ax.plot(times, values[:, k], color=colors[k], label=None if thin[k] else names[k], **look)
+        (line,) = ax.plot(times, values[:, k], color=colors[k], **look)
+        named |= {} if thin[k] else {line: names[k]}
     if GRAY in colors:
         ax.lines[-1].set_label("the others")
     _mark_events(ax, run)
-    ax.set_ylabel(LABELS[signal])
+    ax.set_ylabel(LABELS[quantity])
     low, high = ax.get_ylim()
-    if high - low < LEAST[signal]:
-        ax.set_ylim((low + high - LEAST[signal]) / 2, (low + high + LEAST[signal]) / 2)
+    least = LEAST.get(quantity, STILL)
+    if high - low < least:
+        ax.set_ylim((low + high - least) / 2, (low + high + least) / 2)
+    name_at_ends(ax, [*named], [*named.values()], height=height)
     if legend:
-        legend_beside(ax, ax.get_legend_handles_labels()[1])
+        legend_below(ax)
 
 
-def _colors(names: Sequence[str], owners: Sequence[int | str], unstable: Sequence[int | str]) -> list[str]:
-    """A color for each curve: all different if they are few; otherwise unstable machines in color, the rest in gray."""
-    if len(names) <= len(COLORS):
-        return list(COLORS[: len(names)])
-    marked = [owner in unstable for owner in owners]
-    if not 0 < sum(marked) < len(COLORS):  # none, or more than can be distinguished
-        return [COLORS[1] if one else MANY for one in marked]
-    own = iter(COLORS[1:])
-    return [next(own) if one else GRAY for one in marked]
+def _colors(values: np.ndarray, owners: Sequence[int | str], run: Trajectory) -> list[str]:
+    """A color for each curve (rows, curves): all different if they are few, else of machines that are unstable or move.
+
+    A machine has the same color for every quantity. More unstable machines than can be distinguished are all in one.
+    """
+    number, unstable = len(owners), run.unstable_machines
+    if number <= len(COLORS):
+        return list(COLORS[:number])
+    if len(unstable) >= len(COLORS):
+        return [COLORS[1] if owner in unstable else MANY for owner in owners]
+    names = run.point.rotor_names
+    moving = [names[k] for k in np.argsort(-run.peak, kind="stable")[:MOVING]]
+    marked: list[Any] = [name for name in unstable or moving if name in owners]
+    if not marked:  # buses without a machine
+        moves = np.nanmax(values, axis=0, initial=-np.inf) - np.nanmin(values, axis=0, initial=np.inf)
+        own = dict(zip(np.argsort(-moves, kind="stable")[:MOVING].tolist(), COLORS[1:], strict=False))
+        return [own.get(k, GRAY) for k in range(number)]
+    colored = dict(zip(sorted(marked, key=naming.order), COLORS[1:], strict=False))
+    return [colored.get(owner, GRAY) for owner in owners]
 
 
 def _with_jumps(run: Trajectory, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -179,23 +223,28 @@ def _once(labels: dict[str, bool], name: str) -> str | None:
     return name if labels.pop(name, False) else None
 
 
-def _signal(run: Trajectory, signal: str, machines: Sequence[int | str] | None) -> Signal:
-    """The curves of a signal."""
-    case = run.point.case
-    if signal == "storage":
-        devices = zip(case.storage, run.devices(), run.arrays.storage.T, strict=True)
-        owners = [(case.machine(s.machine).called, f"storage {name}", column) for s, name, column in devices]
+def _signal(run: Trajectory, quantity: str, shown: Sequence[Channel], machines: Sequence[int | str] | None) -> Signal:
+    """The curves of a quantity; voltages, unless buses are chosen, where the storage of machines connects."""
+    case, of = run.point.case, QUANTITIES[quantity].of
+    if quantity == "speed":
+        values = run.values("speed") * case.frequency_hz
+    elif quantity == "angle":
+        values = run.angle_from_coi_deg
     else:
-        values = {
-            "speed": lambda: np.where(run.on, run.arrays.speed * case.frequency_hz, np.nan),
-            "angle": lambda: run.angle_from_coi_deg,
-            "voltage": lambda: np.abs(run.arrays.V[:, [case.row_of_bus[m.storage_bus] for m in case.machines]]),
-            "power": lambda: run.arrays.P,
-        }[signal]()
-        name = "bus {0.storage_bus}" if signal == "voltage" else "machine {0.called}"
-        rotors = signal in ("speed", "angle")
-        units = [case.machines[i] for i in run.point.rotors.unit] if rotors else case.machines
-        owners = [(m.called, name.format(m), column) for m, column in zip(units, values.T, strict=True)]
-    shown = [one for one in owners if machines is None or one[0] in machines]
-    columns = np.array([column for _, _, column in shown]).reshape(len(shown), len(run.time)).T
-    return Signal(columns, [name for _, name, _ in shown], [machine for machine, _, _ in shown])
+        values = run.values(quantity) * QUANTITIES[quantity].factor
+    if quantity == "voltage" and not shown:
+        owners = [(m.called, f"bus {m.storage_bus}", case.row_of_bus[m.storage_bus]) for m in case.machines]
+    else:
+        word = {"bus": "bus", "device": "storage"}.get(of, "machine")
+        channels = shown or chosen(case, quantity, run.point.rotors.unit.tolist())
+        owners = [(_owner(case, of, c.row), f"{word} {c.label}", c.place) for c in channels]
+    drawn = [one for one in owners if machines is None or one[0] in machines]
+    columns = values[:, [place for _, _, place in drawn]]
+    return Signal(columns, [name for _, name, _ in drawn], [machine for machine, _, _ in drawn])
+
+
+def _owner(case: Case, of: str, row: int) -> int | str:
+    """The machine that a curve belongs to; of a bus, the first machine at it."""
+    if of == "bus":
+        return next((m.called for m in case.machines if m.bus == case.buses[row].bus), "")
+    return case.machine(case.storage[row].machine).called if of == "device" else case.machines[row].called

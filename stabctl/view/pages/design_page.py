@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from stabctl._util.wording import number
 from stabctl.design.evidence import Check, Evidence, evidence
 from stabctl.design.result import FAST, SLOW, Design
 from stabctl.design.tuning import Tuned
@@ -15,39 +16,116 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.smallsignal.modes import Modes
 
 from ..figures import design as figures
-from . import document
-from .document import svg
-from .modes_page import number
+from . import pattern
+from .pattern import Page, Pair, Part, Section, Text, figure, table
+
+CONTROLLER = "controller", "reads", "drives", "states", "frames", "delay", "limits", "largest gain"
+POINTS = "operating point", "without (%)", "with (%)", "frequency (Hz)", "least damped mode with the controllers"
+ON_POINTS = "Smallest damping ratio of 0.1 to 3 Hz at each operating point."
+STEP_OF_ONE = "after a step of 1 in one input."
 
 
-def page(found: Evidence) -> str:
+def page(found: Evidence) -> Page:
     """Return the page of a design."""
     design = found.design
-    return (
-        document.environment()
-        .get_template("design.html")
-        .render(
-            title=f"Controllers of {design.base.case.name}",
-            summary=str(design).splitlines(),
-            numbers=list(_numbers(found)),
-            controllers=[_controller(c, design.largest_gains.get(c.name)) for c in design.controllers],
-            modes=list(_modes(design)),
-            points=list(_points(design)) if len(design.before) > 1 else [],
-            parameters=list(_parameters(design)) if isinstance(design, Tuned) else [],
-            holds=list(_holds(design)) if isinstance(design, Tuned) else [],
-            checks=[_check(c) for c in found.checks],
-            changes=found.summary,
-            replaces=design.given is not None,
-            loops=[(x.name, number(x.distance, 3), _degrees(x.phase_margin)) for x in found.loops],
-            margins=found.margins.together if found.margins else "",
-            load=f"{found.steps.mw:.3g} MW at bus {found.steps.bus}",
-            map=svg(figures.plot_design(design), "Modes without and with the controllers"),
-            locus=svg(figures.locus(found), "Root locus over the gain"),
-            bode=svg(figures.bode(found), "Loop gains") if found.loops else None,
-            steps=svg(figures.steps(found), "Speeds after a load step without and with the controllers"),
-            own=svg(figures.own_steps(found), "Step responses of the controllers") if found.steps.own else None,
-        )
+    together = (
+        f"All controllers together: {found.margins.together}."
+        if found.margins
+        else "The closed loop is unstable, so it has no margins."
     )
+    own = found.steps.own
+    return Page(
+        f"{design.base.case.name}_design",
+        f"Controllers of {design.base.case.name}",
+        [" ".join(str(design).splitlines()), together],
+        list(_numbers(found)),
+        [
+            Section(
+                "Controllers",
+                [table(CONTROLLER, [_controller(c, design.largest_gains.get(c.name)) for c in design.controllers])],
+            ),
+            *(_tuned(design) if isinstance(design, Tuned) else ()),
+            Section("Modes", _modes(found)),
+            Section("Operating points", [table(POINTS, _points(design), ON_POINTS)] if len(design.before) > 1 else []),
+            Section("Loop gains", _loops(found) if found.loops else []),
+            Section(
+                "Step responses",
+                [
+                    figure(
+                        figures.steps(found),
+                        "Speeds against the center of inertia of the others",
+                        f"after a load step of {found.steps.mw:.3g} MW at bus {found.steps.bus}, by the linear model, "
+                        "without and with the controllers.",
+                    ),
+                    *(
+                        [figure(figures.own_steps(found), "Outputs of the controllers alone", STEP_OF_ONE)]
+                        if own
+                        else []
+                    ),
+                ],
+            ),
+            Section("Contingencies", _checks(found) if found.checks else []),
+        ],
+    )
+
+
+def _tuned(design: Tuned) -> Iterator[Section]:
+    """How a tuned design holds elsewhere, and its parameters."""
+    elsewhere = "with", "worst damping ratio (%)", "frequency (Hz)", "where"
+    yield Section(
+        "How it holds elsewhere", [table(elsewhere, _holds(design), "Every mode above 0.1 Hz, of all networks.")]
+    )
+    heads = "controller", "parameter", "value", "bounds", "at a bound"
+    yield Section("Parameters", [table(heads, _parameters(design))])
+
+
+def _modes(found: Evidence) -> list[Part]:
+    """The map of modes, the root locus, and the modes of the first operating point."""
+    one, other = "frequency (Hz)", "damping ratio (%)"
+    return [
+        Pair(
+            figure(
+                figures.plot_design(found.design),
+                "Modes without and with the controllers,",
+                "of all operating points. Dashed lines mark constant damping ratios.",
+            ),
+            figure(
+                figures.locus(found),
+                "Root locus.",
+                "Eigenvalues of the first operating point with 0 to 2 times all gains, from light to dark.",
+            ),
+        ),
+        table(
+            ("without", one, other, "with", one, other),
+            _side_by_side(found.design),
+            f"Modes of {SLOW:g} to {FAST:g} Hz of the first operating point.",
+        ),
+    ]
+
+
+def _loops(found: Evidence) -> list[Part]:
+    """The gain of every loop."""
+    rows = [(x.name, number(x.distance, 3), _degrees(x.phase_margin)) for x in found.loops]
+    return [
+        figure(
+            figures.bode(found),
+            "Loop gain L(jω)",
+            "with the sign of a negative feedback, opened at one output, with all other loops closed; sampling and "
+            "delay are exact.",
+        ),
+        table(("opened at", "least distance from -1", "phase margin (deg)"), rows),
+    ]
+
+
+def _checks(found: Evidence) -> list[Part]:
+    """The clearing times of contingencies without and with the controllers."""
+    own = ("with those of the case (cycles)",) if found.design.given is not None else ()
+    heads = "fault", "critical clearing time without (cycles)", *own, "with (cycles)", "critical machine"
+    note = (
+        "Nonlinear simulation. Critical machine: the one that loses synchronism first just beyond the critical "
+        "clearing time."
+    )
+    return [table(heads, map(_check, found.checks), note), Text(found.summary)]
 
 
 def write(design: Design, folder: str | Path, checks: Iterable[Contingency | str] = ()) -> Path:
@@ -70,7 +148,7 @@ def write(design: Design, folder: str | Path, checks: Iterable[Contingency | str
     found = evidence(design, checks)
     if isinstance(design, Tuned):
         found = replace(found, checks=(*design.checks, *found.checks))
-    return document.write(folder, f"{design.base.case.name}_design", page(found))
+    return pattern.write(page(found), folder)
 
 
 def _numbers(found: Evidence) -> Iterator[tuple[str, str]]:
@@ -104,7 +182,7 @@ def _short(names: tuple[str, ...]) -> str:
     return ", ".join(names) if len(names) <= 6 else f"{', '.join(names[:4])} and {len(names) - 4} more"
 
 
-def _modes(design: Design) -> Iterator[tuple[str, ...]]:
+def _side_by_side(design: Design) -> Iterator[tuple[str, ...]]:
     """Modes of the first operating point without and with the controllers, side by side."""
 
     def rows(modes: Modes) -> list[tuple[str, ...]]:

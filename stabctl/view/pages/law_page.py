@@ -7,30 +7,65 @@ from stabctl.design.law_measurement import Measured
 from stabctl.design.law_result import Judged, LawDesign
 
 from ..figures import storage_control as figures
-from . import document
-from .document import svg
+from . import pattern
+from .pattern import Page, Section, figure, table
 
 
-def page(design: LawDesign) -> str:
+def page(design: LawDesign, name: str = "") -> Page:
     """Return the page of a design."""
     rows = sorted(design.contingencies, key=lambda c: (c.training, c.reference.reach))
-    return (
-        document.environment()
-        .get_template("law.html")
-        .render(
-            title=f"Storage law for {design.case}",
-            design=design,
-            numbers=list(_numbers(design)),
-            parameters=[(p.name, p.value, p.meaning) for p in design.parameters],
-            clearing=[_clearing(c) for c in rows],
-            duties=[_duty(c) for c in rows],
-            figure=svg(figures.plot_law_design(design), "Critical clearing times without a law, with two laws"),
-        )
+    heads = "fault", "without a law (cycles)", "paper's law (cycles)", "designed law (cycles)", "gain (cycles)"
+    duties = "fault", "energy (kWh)", "switchings per swing", "COI (Hz)", "voltage (pu)", "not returned (kWh)"
+    return Page(
+        f"{name or design.case}_law",
+        f"Storage law for {design.case}",
+        design.remarks(),
+        list(_numbers(design)),
+        [
+            Section(
+                "Law",
+                [
+                    pattern.made("law_diagram.svg"),
+                    table(("parameter", "value", "meaning"), [(p.name, p.value, p.meaning) for p in design.parameters]),
+                ],
+            ),
+            Section(
+                "Clearing times",
+                [
+                    figure(
+                        figures.plot_law_design(design),
+                        "Critical clearing times.",
+                        "The law was tuned with the training contingencies only.",
+                    ),
+                    table(
+                        (*heads, "machines that lose synchronism"),
+                        map(_clearing, rows),
+                        "Without a law the devices are idle. The paper's law gives full power by the sign of the speed "
+                        "of a machine against the others. Machines that lose synchronism: the group just beyond the "
+                        "critical clearing time without a law.",
+                    ),
+                ],
+            ),
+            Section(
+                "Operation of the devices",
+                [
+                    table(
+                        duties,
+                        map(_duty, rows),
+                        "Paper's law / designed law, each cleared at its own critical time. Energy: the range of the "
+                        "energy of every device, summed. Switchings: sign changes of an order between two rises of the "
+                        "speed of its machine above that of the others. COI: largest deviation of the frequency of the "
+                        "center of inertia. Voltage: the lowest bus voltage at the end. Not returned: energy by which "
+                        f"the devices differ from the initial one {design.limits.return_within:g} s later, summed.",
+                    )
+                ],
+            ),
+        ],
     )
 
 
 def write(design: LawDesign, folder: str | Path, name: str = "") -> Path:
-    """Write the page into a folder as law_NAME.html and return its path.
+    """Write the page into a folder as NAME_law.html and return its path.
 
     Parameters
     ----------
@@ -46,7 +81,7 @@ def write(design: LawDesign, folder: str | Path, name: str = "") -> Path:
     StudyError
         If the folder cannot be created or written to.
     """
-    return document.write(folder, f"law_{name or design.case}", page(design))
+    return pattern.write(page(design, name), folder)
 
 
 def _numbers(design: LawDesign) -> Iterator[tuple[str, str]]:

@@ -8,35 +8,123 @@ from stabctl.placement.siting import Evidence, Siting, Survived
 
 from ..figures import one_line
 from ..figures import siting as figures
-from . import document
-from .document import svg
+from . import pattern
+from .pattern import Figure, Page, Section, figure, table
 
 if TYPE_CHECKING:
     from stabctl.dynamics.operating_point import OperatingPoint
     from stabctl.model.case import Case
 
 
-def page(siting: Siting, base: "Case | OperatingPoint | None" = None) -> str:
+CONTINGENCIES = (
+    "fault and trip", "required (cycles)", "critical (cycles)", "margin (cycles)", "binding", "critical machine",
+)  # fmt: skip
+
+
+def page(siting: Siting, base: "Case | OperatingPoint | None" = None, name: str = "") -> Page:
     """Return the page of a siting study; with the system also a one-line diagram."""
-    template = document.environment().get_template("siting.html")
-    return template.render(
-        title=f"Storage siting for {siting.case}",
-        siting=siting,
-        numbers=list(_numbers(siting)),
-        heads=("site", "machine", "rating (MW)", *_of_converters(siting), "largest allowed (MW)", "energy (kWh)"),
-        sites=list(_sites(siting)),
-        contingencies=list(_contingencies(siting)),
-        variations=[_variation(siting, row) for row in siting.evidence],
-        diagram=svg(one_line.plot(base, siting), "One-line diagram with the storage")
-        if base and siting.sites
-        else None,
-        ratings=svg(figures.plot(siting), "Storage ratings by site") if siting.candidates else None,
-        convergence=svg(figures.convergence(siting), "Cost by iteration") if len(siting.history) > 1 else None,
+    return Page(
+        f"{name or siting.case}_place",
+        f"Storage siting for {siting.case}",
+        [*([siting.title] if siting.title else []), *siting.remarks()],
+        list(_numbers(siting)),
+        [
+            Section("Sites", [table(_heads(siting), _sites(siting), _on_sites(siting)), *_drawn(siting, base)]),
+            Section(
+                "Contingencies",
+                [
+                    table(
+                        CONTINGENCIES,
+                        _contingencies(siting),
+                        "Required: the clearing time with which the contingency must be stable. Critical: the longest "
+                        "stable clearing time with this fleet. Binding: unstable with 3 % less storage. Critical "
+                        "machine: the machine that loses synchronism just beyond the critical clearing time.",
+                    )
+                ],
+            ),
+            Section(
+                "Variations of the fleet",
+                [
+                    pattern.made(
+                        "variations.html",
+                        contingencies=siting.contingencies,
+                        variations=[_variation(siting, row) for row in siting.evidence],
+                        note=_on_variations(siting),
+                    ),
+                    *_converged(siting),
+                ],
+            ),
+        ],
     )
 
 
+def _heads(siting: Siting) -> tuple[str, ...]:
+    return "site", "machine", "rating (MW)", *_of_converters(siting), "largest allowed (MW)", "energy (kWh)"
+
+
+def _on_sites(siting: Siting) -> str:
+    """What the columns of the sites mean."""
+    of_converters = (
+        " MVA set by: whether the current of the converter reaches its limit in any contingency, and the lowest bus "
+        "voltage at which it does; otherwise the largest current."
+    )
+    capacity = "Energy: the capacity that the device needs for the most demanding contingency."
+    return capacity + (of_converters if siting.converters else "")
+
+
+def _drawn(siting: Siting, base: "Case | OperatingPoint | None") -> Iterator[Figure]:
+    if base and siting.sites:
+        yield figure(
+            one_line.plot(base, siting),
+            "Where the storage is.",
+            "Squares at the machines: their area is in proportion to the rating, MW.",
+        )
+    if siting.candidates:
+        yield figure(
+            figures.plot(siting),
+            "Ratings by site.",
+            "The uniform fleet has the same share of the MVA rating of every machine, the smallest share with which "
+            "all contingencies are stable.",
+        )
+
+
+def _on_variations(siting: Siting) -> str:
+    """What the names of the variations mean, with a site of this study as the example."""
+    kinds = {
+        "x": any(row.scale != 1.0 and not row.site for row in siting.evidence),
+        "without": any(row.without for row in siting.evidence),
+        "site": any(row.site for row in siting.evidence),
+    }
+    one = next((s for s in siting.sites), None)
+    site = f"{one.machine}@{one.bus}" if one else ""
+    told = [
+        "Critical minus required clearing time, in cycles, on a grid of about 1/8 cycle.",
+        "x0.9: every device with nine tenths of its rating." * kinds["x"],
+        f"Without {site}: all devices except that of machine {one.machine} at bus {one.bus}."
+        if one and kinds["without"]
+        else "",
+        f"{site} x1.1: only that device with 1.1 times its rating, simulated at the required clearing times alone."
+        if one and kinds["site"]
+        else "",
+        "A cross marks a contingency that is unstable at the required clearing time. If the fleet is minimal, every "
+        "smaller fleet has a cross.",
+    ]
+    return " ".join(filter(None, told))
+
+
+def _converged(siting: Siting) -> Iterator[Figure]:
+    if len(siting.history) > 1:
+        yield figure(
+            figures.convergence(siting),
+            "Cost by iteration.",
+            "In each iteration a linear program plans the cheapest fleet that satisfies all cuts found so far. "
+            "Simulation then scales this plan until every contingency is stable; a missing mark means that no scaling "
+            "of the plan is stable. The cheapest scaled plan is kept.",
+        )
+
+
 def write(siting: Siting, folder: str | Path, name: str = "", *, base: "Case | OperatingPoint | None" = None) -> Path:
-    """Write the page into a folder as placement_NAME.html and return its path.
+    """Write the page into a folder as NAME_place.html and return its path.
 
     Parameters
     ----------
@@ -54,7 +142,7 @@ def write(siting: Siting, folder: str | Path, name: str = "", *, base: "Case | O
     StudyError
         If the folder cannot be created or written to, or the system lacks a machine of the study.
     """
-    return document.write(folder, f"placement_{name or siting.case}", page(siting, base))
+    return pattern.write(page(siting, base, name), folder)
 
 
 def _numbers(siting: Siting) -> Iterator[tuple[str, str]]:

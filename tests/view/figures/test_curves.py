@@ -1,15 +1,18 @@
 """Curves, bars and arrows read back from the figures: they are the numbers of the record."""
 
 import re
+from types import SimpleNamespace
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
+from stabctl._util.errors import StudyError
 from stabctl.clearing import clearing_time as critical
 from stabctl.clearing import screen as screened
 from stabctl.controllers import BangBang
 from stabctl.estimation.estimate import estimate
+from stabctl.simulation.channels import QUANTITIES
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulate import simulate
 from stabctl.smallsignal import analyze, linearize
@@ -78,7 +81,7 @@ def test_signals_of_a_run_have_their_units(held):
         assert (box.x0, box.x1) == pytest.approx((0.1, 0.2))
     assert np.abs(a.storage).max(0) == pytest.approx([50, 20])
     buses = [[b.bus for b in case.buses].index(m.storage_bus) for m in case.machines]
-    for signal, values in {"voltage": np.abs(a.V[:, buses]), "power": a.P}.items():
+    for signal, values in {"voltage": np.abs(a.V[:, buses]), "electrical_power": a.P}.items():
         for line, column in zip(trajectory.plot(held, signal).lines, values.T, strict=False):
             x, y = data(line)
             assert np.interp(held.time[::7] + 1e-6, x, y) == pytest.approx(
@@ -100,23 +103,48 @@ def test_the_power_of_storage_stands_device_by_device(held):
 
 def test_a_signal_that_hardly_moves_is_not_blown_up(cases):
     still = simulate(cases("two_area"), None, 0.1)
-    for signal, least in trajectory.LEAST.items():
-        if signal != "storage":
+    for signal, quantity in QUANTITIES.items():
+        if quantity.of != "device":
             low, high = trajectory.plot(still, signal).get_ylim()
-            assert high - low > 0.999 * least
+            assert high - low > 0.999 * trajectory.LEAST.get(signal, trajectory.STILL)
     low, high = trajectory.plot(still).get_ylim()
     assert (low + high) / 2 == pytest.approx(60, abs=1e-3)
 
 
-def test_colors_mark_the_machines_that_are_lost():
-    names, few = [f"machine {n}" for n in range(20)], list("abcd")
-    assert trajectory._colors(few, [1, 2, 3, 4], [2]) == list(COLORS[:4])
-    one = trajectory._colors(names, range(20), [3, 5])
+def test_colors_mark_the_machines_that_are_lost_or_move_most():
+    def colors(owners, unstable, swings):
+        point = SimpleNamespace(rotor_names=tuple(range(20)))
+        run = SimpleNamespace(unstable_machines=unstable, point=point, peak=np.array(swings))
+        return trajectory._colors(np.outer([0.0, 1.0], swings[: len(owners)]), owners, run)
+
+    swings = [(7 * k) % 20 for k in range(20)]
+    assert colors([1, 2, 3, 4], (2,), swings) == list(COLORS[:4])
+    one = colors(range(20), (3, 5), swings)
     assert [k for k, color in enumerate(one) if color != GRAY] == [3, 5]
     assert len({*one}) == 3
-    assert set(trajectory._colors(names, range(20), [])) == {trajectory.MANY}
-    most = trajectory._colors(names, range(20), range(12))
+    moving = colors(range(20), (), swings)
+    assert [k for k, color in enumerate(moving) if color != GRAY] == sorted(np.argsort(swings)[-5:])
+    assert colors(range(19, -1, -1), (), swings) == moving[::-1], "a machine has one color"
+    assert [k for k, c in enumerate(colors([""] * 20, (), swings)) if c != GRAY] == sorted(np.argsort(swings)[-5:])
+    most = colors(range(20), tuple(range(12)), swings)
     assert most == [COLORS[1]] * 12 + [trajectory.MANY] * 8
+
+
+def test_channels_of_an_overview_are_those_of_the_table(held):
+    text = "voltage:8,speed:2,voltage:7,storage:3,field_voltage"
+    voltage, speed, storage, field = trajectory.overview(held, text).axes
+    frame = held.table(text)
+    for ax, columns in (
+        (speed, ["speed_pu:2"]),
+        (storage, ["storage_mw:3@11"]),
+        (field, [f"efd_pu:{m}" for m in range(1, 5)]),
+    ):
+        factor = 60 if ax is speed else 1
+        assert_curves(ax.lines[: len(columns)], held.time, factor * frame[columns].to_numpy())
+    names = [[text.get_text() for text in ax.texts] for ax in (voltage, speed, storage)]
+    assert [sorted(one) for one in names] == [["bus 7", "bus 8"], ["machine 2"], ["storage 3@11"]]
+    with pytest.raises(StudyError, match="One plot shows one quantity, but 4 are given"):
+        trajectory.plot(held, text)
 
 
 def test_estimates_and_commands(cases):

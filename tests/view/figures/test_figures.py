@@ -12,6 +12,7 @@ from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.estimation.estimate import estimate
 from stabctl.model import fleet
+from stabctl.simulation.channels import QUANTITIES
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
 from stabctl.smallsignal import analyze, linearize
@@ -44,6 +45,11 @@ def legend(ax):
     return [text.get_text() for text in ax.get_legend().texts]
 
 
+def named(ax):
+    """The names at the ends of curves, in order."""
+    return sorted((text.get_text() for text in ax.texts), key=lambda text: int(text.split()[-1]))
+
+
 def curves(ax, found):
     """The curves of signals, without the lines at events."""
     return [line for line in ax.lines if len(line.get_xdata()) >= len(found.time)]
@@ -59,19 +65,22 @@ def test_the_check_sees_labels_that_overlap_or_reach_out():
 
 def test_simulations(runs):
     bare, held = runs.values()
-    drawn = [trajectory.plot(held, signal) for signal in trajectory.SIGNALS]
+    drawn = [trajectory.plot(held, signal) for signal in QUANTITIES]
     for figure in (*drawn, trajectory.compare(runs), trajectory.storage(held), trajectory.overview(held)):
         assert crowded(figure) == []
     speed = trajectory.plot(bare, machines=[2, 4])
     assert np.array_equal([line.get_ydata() for line in curves(speed, bare)], 60 * bare.speed[:, [1, 3]].T)
-    assert legend(speed) == ["machine 2", "machine 4", "fault on", "clearing"]
+    assert named(speed) == ["machine 2", "machine 4"]
+    assert legend(speed) == ["fault on", "clearing"]
 
 
 def test_the_unstable_machine_stands_out_among_many(points):
     found = run(points("wnaps"), Contingency("83", "6cyc", "83-33"), 3.0)
     figure = trajectory.overview(found)
     assert crowded(figure) == []
-    assert legend(figure.axes[0]) == ["machine 14", "the others", "fault on", "clearing"]
+    assert named(figure.axes[0]) == ["machine 14"]
+    assert legend(figure.axes[-1]) == ["the others", "fault on", "clearing"]
+    assert not figure.axes[0].get_legend(), "one legend"
     own, *others = curves(figure.axes[0], found)
     assert own.get_color() != GRAY
     assert {line.get_color() for line in others} == {GRAY}
@@ -86,7 +95,22 @@ def test_all_machines_of_the_group_that_is_lost_stand_out(points):
     out = np.isin(numbers, found.unstable_machines)
     gap = min(angle[out].min() - angle[~out].max(), 9.0) if angle[out].min() > angle[~out].min() else 0.0
     assert gap == pytest.approx(min(np.diff(np.sort(angle)).max(), 9.0))
-    assert legend(trajectory.plot(found))[: out.sum()] == [f"machine {n}" for n in found.unstable_machines]
+    assert named(trajectory.plot(found)) == [f"machine {n}" for n in found.unstable_machines]
+
+
+def test_ten_machines_are_told_apart(points):
+    """Those that swing most have a color and a name at their end, the same for every quantity."""
+    found = run(points("ieee39"), Contingency("26", "4cyc", "26-29"), 3.0)
+    figure = trajectory.overview(found)
+    assert crowded(figure) == []
+    largest = [found.point.rotor_names[k] for k in np.argsort(-found.peak)[:5]]
+    looks = [{text.get_text(): text.get_color() for text in ax.texts} for ax in figure.axes]
+    assert looks[0] == looks[1]
+    assert {*looks[0]} == {f"machine {name}" for name in largest}
+    assert [*looks[0].values()] == [*dict.fromkeys(looks[0].values())]
+    for line in curves(figure.axes[0], found):
+        swings = [k for k, y in enumerate(60 * found.arrays.speed.T) if np.array_equal(line.get_ydata(), y)]
+        assert (found.point.rotor_names[swings[0]] in largest) == (line.get_color() != GRAY)
 
 
 @pytest.mark.parametrize("size", [(4, 3), (8, 4), (16, 9)])
@@ -118,9 +142,9 @@ def test_no_slope_before_a_fault_and_no_curve_of_a_machine_that_is_off(runs, poi
 
 
 def test_a_signal_that_is_not_there_is_a_sentence(runs):
-    with pytest.raises(StudyError, match="There is no signal 'torque'; choose one of speed"):
-        trajectory.plot(runs["without storage"], "torque")
-    with pytest.raises(StudyError, match="two_area has no storage to plot"):
+    with pytest.raises(StudyError, match="'voltages' is not a quantity of a run; did you mean voltage"):
+        trajectory.plot(runs["without storage"], "voltages")
+    with pytest.raises(StudyError, match="two_area has no storage to show; give storage='50MW'"):
         trajectory.plot(runs["without storage"], "storage")
 
 

@@ -23,7 +23,7 @@ def found(cases):
 
 def test_in_a_browser(found, tmp_path, browse):
     path = tmp_path / "design.html"
-    path.write_text(design_page.page(found), encoding="utf-8")
+    path.write_text(design_page.page(found).html(), encoding="utf-8")
     for width, dark in ((390, True), (1280, False)):
         seen = browse(path, width, dark)
         assert seen["title"] == "Controllers of two_area_thyristor"
@@ -33,7 +33,7 @@ def test_in_a_browser(found, tmp_path, browse):
 
 
 def test_the_page_says_what_was_found(found):
-    page = design_page.page(found)
+    page = design_page.page(found).html()
     design = found.design
     first, second = re.findall(r'"card"><b>(-?[\d.]+)', page)[:2]
     assert (float(first), float(second)) == pytest.approx((design.worst_before, design.worst_after), abs=6e-5)

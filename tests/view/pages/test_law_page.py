@@ -63,7 +63,7 @@ def test_the_gain_is_that_of_the_unseen_contingencies(design):
 def test_the_page_says_what_the_record_holds(design, tmp_path):
     path = design.report(tmp_path)
     page = path.read_text(encoding="utf-8")
-    assert path.name == "law_some.html"
+    assert path.name == "some_law.html"
     assert all(remark in unescape(page) for remark in design.remarks())
     assert cells(page, "Law")[0][:2] == ["groups", "3+4"]
     assert cells(page, "Clearing times") == [

@@ -25,7 +25,7 @@ def test_in_a_browser(points, tmp_path, browse):
 
 def test_text_of_a_case_is_text_on_the_page(points):
     case = replace(points("two_area").case, title="<script>alert(1)</script>", source="A & B")
-    page = modes_page.page(analyze(linearize(operating_point.solve(case))), None, (0.1, 2.5))
+    page = modes_page.page(analyze(linearize(operating_point.solve(case))), None, (0.1, 2.5)).html()
     assert page.count("<script") == 1
     assert "&lt;script&gt;" in page
     assert "Data: A &amp; B" in page
@@ -42,7 +42,7 @@ def test_no_name_of_a_case_leads_out_of_the_folder(points, tmp_path):
 def test_the_page_says_what_the_modes_are(points):
     """Frequencies in Hz, damping ratios in percent, eigenvalues, participation in percent of the sum."""
     modes = analyze(linearize(points("two_area")))
-    page = modes_page.page(modes, areas(modes), (0.1, 2.5))
+    page = modes_page.page(modes, areas(modes), (0.1, 2.5)).html()
     table = re.search(r"<h2>Oscillatory modes from 0.1 to 2.5 Hz</h2>.*?<tbody>(.*?)</tbody>", page, re.DOTALL)[1]
     rows = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr.*?</tr>", table)]
     inside = [modes.mode(k) for k in modes.within(0.1, 2.5)]
@@ -72,7 +72,7 @@ def test_an_unstable_mode_is_marked(points, real, kind):
     swing = modes.swings()[0]
     shifted = modes.eigenvalues.copy()
     shifted[swing] = complex(real, shifted[swing].imag)
-    page = modes_page.page(replace(modes, eigenvalues=shifted), None, (0.1, 2.5))
+    page = modes_page.page(replace(modes, eigenvalues=shifted), None, (0.1, 2.5)).html()
     row = next(row for row in re.findall(r"<tr.*?</tr>", page) if f">{real:.4f}<" in row)
     assert row.startswith(f'<tr class="{kind}">')
 
@@ -85,7 +85,7 @@ def test_headline_cards_table_and_figure_agree_on_the_least_damped_mode(cases, K
     moving = np.flatnonzero(found.eigenvalues.imag > 0)
     least = found.mode(int(moving[found.damping_ratio[moving].argmin()]))
     assert least.electromechanical == (K == 1)
-    page = unescape(modes_page.page(found, None, band))
+    page = unescape(modes_page.page(found, None, band).html())
     said = f"{least.frequency_hz:.3f} Hz, damping ratio {least.damping_ratio:.4f} ({least.label})"
     assert f"least damped: {said}" in str(found)
     assert f"least damped: {said}" in page

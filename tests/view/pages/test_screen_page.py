@@ -7,7 +7,7 @@ import pytest
 
 import stabctl as st
 from stabctl._util.errors import StudyError
-from stabctl.view.pages import screen_page
+from stabctl.view.pages import clearing_pages
 
 
 @pytest.fixture(scope="module")
@@ -24,8 +24,8 @@ def test_the_page_has_every_pair_and_every_remark(screened, tmp_path):
     assert page.count("<svg role") == 2
     for p in found.pairs:
         assert page.count(f"<title>{p.brief()}</title>") == 2, "in the bars and on the diagram"
-    assert page.count("<svg role") - screen_page.page(found).count("<svg role") == 1
-    assert "<figure" not in screen_page.page(replace(found, pairs=()))
+    assert page.count("<svg role") - clearing_pages.screen(found).html().count("<svg role") == 1
+    assert "<figure" not in clearing_pages.screen(replace(found, pairs=())).html()
 
 
 def test_a_screen_of_another_system_has_no_place_on_the_diagram(screened, tmp_path):

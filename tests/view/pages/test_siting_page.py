@@ -82,18 +82,20 @@ def test_the_headline_names_what_no_fleet_survives_and_targets_by_default_are_sa
     assert str(siting).startswith(head)
     chosen = replace(siting, targets="Chosen by default.")
     assert chosen.remarks()[1] == "Chosen by default."
-    assert "Chosen by default." in siting_page.page(replace(chosen, candidates=(), history=()))
+    assert "Chosen by default." in siting_page.page(replace(chosen, candidates=(), history=())).html()
 
 
 def test_a_single_iteration_is_no_chart(siting):
-    assert "Cost by iteration" in siting_page.page(siting)
-    assert "Cost by iteration" not in siting_page.page(replace(siting, candidates=(), history=siting.history[:1]))
+    assert "Cost by iteration" in siting_page.page(siting).html()
+    assert (
+        "Cost by iteration" not in siting_page.page(replace(siting, candidates=(), history=siting.history[:1])).html()
+    )
 
 
 def test_the_page_says_what_the_record_holds(siting, tmp_path):
     path = siting_page.write(siting, tmp_path / "new")
     page = path.read_text(encoding="utf-8")
-    assert path == tmp_path / "new" / "placement_some.html"
+    assert path == tmp_path / "new" / "some_place.html"
     assert all(remark in unescape(page) for remark in siting.remarks())
     assert "A system &amp; more" in page
     assert re.findall(r'"card"><b>([\d.]+)', page) == ["60.0", "765.0", "90.0", "57.0"]
@@ -117,7 +119,7 @@ def test_the_page_says_what_the_record_holds(siting, tmp_path):
 
 
 def test_converters_have_mva_and_what_sets_them(with_converters, plain):
-    page = siting_page.page(with_converters)
+    page = siting_page.page(with_converters).html()
     assert [row[3:5] for row in cells(page, "Sites")] == [
         ["48.00", "current limit of 1.11 pu at 0.75 pu"],
         ["24.00", "power rating; current 1.00 of 1.11 pu"],
@@ -127,7 +129,7 @@ def test_converters_have_mva_and_what_sets_them(with_converters, plain):
     assert "The converters have 72.0 MVA in all, 120 % of the MW." in text
     assert "reached at 1 of 2 sites, down to voltages of 0.75 pu, at which it allows 100 % of the MW" in text
     assert "The others have at least 10 % of the current to spare" in text
-    assert not any("MVA set by" in said for said in (str(plain), siting_page.page(plain)))
+    assert not any("MVA set by" in said for said in (str(plain), siting_page.page(plain).html()))
     assert with_converters.storage(storage_model="regc")[0].mva == 48
     assert list(with_converters.df.mva) == [48, 24]
     assert list(with_converters.df.columns[5:9]) == ["current", "limit", "voltage", "worst"]
@@ -138,7 +140,7 @@ def test_the_page_needs_no_network_and_holds_its_figures(siting, tmp_path):
     assert not re.search(r'(src|href)="(?!#)', page)
     assert page.count("<script") == 1
     assert page.count("<svg ") == 2
-    assert [p.name for p in tmp_path.iterdir()] == ["placement_some.html"]
+    assert [p.name for p in tmp_path.iterdir()] == ["some_place.html"]
 
 
 def test_the_page_in_a_browser(siting, tmp_path, browse):
@@ -157,7 +159,7 @@ def test_without_a_uniform_fleet_rounds_or_places(siting, tmp_path):
     page = siting_page.write(bare, tmp_path, "other").read_text(encoding="utf-8")
     assert "No uniform fleet" in page
     assert page.count('"card"><b>none</b>') == 2
-    assert [p.name for p in tmp_path.iterdir()] == ["placement_other.html"]
+    assert [p.name for p in tmp_path.iterdir()] == ["other_place.html"]
 
 
 def test_reservations_are_among_the_sentences(siting):
@@ -200,7 +202,7 @@ def test_what_the_solver_missed_is_said(plain):
     assert "Cost 60, without a lower bound, because the solver failed." in said
     solver = [sentence for sentence in said if "iteration" in sentence]
     assert [word in sentence for word, sentence in zip(("iteration 4 (Insuff", "1 of 4", "3.4 %"), solver, strict=True)]
-    page = unescape(siting_page.page(replace(plain, history=rows, lower_bound=None)))
+    page = unescape(siting_page.page(replace(plain, history=rows, lower_bound=None)).html())
     assert all(sentence in page for sentence in solver)
     assert not [s for s in plain.remarks() if "solver" in s or "iteration" in s]
 
@@ -208,7 +210,7 @@ def test_what_the_solver_missed_is_said(plain):
 def test_a_folder_that_cannot_be_is_told_in_a_sentence(plain, tmp_path):
     (tmp_path / "file").write_text("kept")
     for folder in (tmp_path / "file", tmp_path / "file" / "below"):
-        with pytest.raises(StudyError, match=r"^The report placement_some.html cannot be written to .* Give another"):
+        with pytest.raises(StudyError, match=r"^The report some_place.html cannot be written to .* Give another"):
             siting_page.write(plain, folder)
     assert (tmp_path / "file").read_text() == "kept"
 
@@ -233,7 +235,7 @@ def test_no_name_of_a_case_leads_out_of_the_folder(plain, tmp_path, name):
     path = siting_page.write(replace(plain, case=name), folder)
     assert [path] == list(folder.iterdir())
     assert [folder] == list(tmp_path.iterdir())
-    assert re.fullmatch(r"placement[\w.-]*\.html", path.name)
+    assert re.fullmatch(r"[\w.-]+\.html", path.name)
 
 
 def test_a_siting_is_a_table_and_saves_itself(siting, tmp_path):
@@ -245,7 +247,7 @@ def test_a_siting_is_a_table_and_saves_itself(siting, tmp_path):
     assert times.margin_cycles.tolist() == pytest.approx([0.25, 1.5, math.nan], nan_ok=True)
     assert times.machine.isna().tolist() == [False, True, True]
     assert siting.save(tmp_path / "sites.csv").read_text().splitlines()[1].startswith("103,3,40.0")
-    assert siting.report(tmp_path / "new").name == "placement_some.html"
+    assert siting.report(tmp_path / "new").name == "some_place.html"
     assert "estimated lower bound" in siting._repr_html_()
     devices = [(s.machine, s.bus, s.rating, s.lag) for s in siting.storage(lag=0.1)]
     assert devices == [(3, 103, 40.0, 0.1), (31, 131, 20.0, 0.1)]
@@ -253,7 +255,7 @@ def test_a_siting_is_a_table_and_saves_itself(siting, tmp_path):
 
 def test_the_percentages_are_those_of_the_record(plain):
     """The bound below the cost in percent of the cost, and the fleet in percent of the uniform one."""
-    page = unescape(siting_page.page(plain))
+    page = unescape(siting_page.page(plain).html())
     cost, bound, gap = map(float, re.search(r"Cost ([\d.]+), .*bound ([\d.]+) \(([\d.]+) % lower\)", page).groups())
     assert (cost, bound) == (plain.cost, plain.lower_bound) == (60.0, 57.0)
     assert gap == pytest.approx(100 * (cost - bound) / cost) == 100 * plain.gap

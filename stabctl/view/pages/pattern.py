@@ -1,0 +1,159 @@
+"""The pattern of all pages: a title, sentences, numbers, and sections of figures, tables and notes."""
+
+import re
+from collections.abc import Iterable, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from . import document
+from .document import svg
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Drawing
+
+NUMBER = re.compile(r"[+\-−]?\d[\d.e+\-]*( (to|/) [+\-−]?[\d.]+| or more| ?[a-zA-Z%°]{1,4})?|over \d[\d.]*")
+NO_NUMBER = "none", "all", "unstable"
+PAGES = {
+    "Trajectory": "run_pages:simulation",
+    "Estimates": "run_pages:estimates",
+    "Optimum": "run_pages:optimum",
+    "Results": "run_pages:sweep",
+    "ClearingTime": "clearing_pages:clearing_time",
+    "PowerFlow": "network_pages:power_flow",
+    "ShortCircuit": "network_pages:short_circuit",
+    "WeakGrid": "network_pages:weak_grid",
+    "ImportReport": "network_pages:imported",
+}  # class of a result -> module and function of its page
+MOST = 2000  # rows of a table; a browser sorts them in a fraction of a second
+
+
+class Figure(NamedTuple):
+    """A figure with its caption, whose beginning is set in bold."""
+
+    drawn: "Markup"
+    title: str
+    text: str = ""
+    kind: str = "figure"
+
+
+class Table(NamedTuple):
+    """A table: heads, rows of text or markup, and a note below it. A row whose class is given is set apart."""
+
+    heads: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    note: str = ""
+    classes: Sequence[str] = ()
+    kind: str = "table"
+
+    @property
+    def words(self) -> list[bool]:
+        """Whether a column holds words: the first one, and those whose cells are no numbers."""
+        columns = zip(*self.rows, strict=True) if self.rows else [()] * len(self.heads)
+        return [k == 0 or not _numeric(column) for k, column in enumerate(columns)]
+
+
+def _numeric(cells: Iterable[str]) -> bool:
+    """Whether cells are numbers, with a unit of a few letters at most, ranges or pairs of them, or `none` instead."""
+    given = [str(cell) for cell in cells if str(cell)]
+    return any(NUMBER.fullmatch(cell) for cell in given) and all(NUMBER.fullmatch(c) or c in NO_NUMBER for c in given)
+
+
+class Text(NamedTuple):
+    """A paragraph; soft: in small print."""
+
+    text: str
+    soft: bool = False
+    kind: str = "text"
+
+
+class Made(NamedTuple):
+    """A part that a template of its own makes."""
+
+    html: "Markup"
+    kind: str = "made"
+
+
+class Pair(NamedTuple):
+    """Two figures side by side where there is room."""
+
+    first: Figure
+    second: Figure
+    kind: str = "pair"
+
+
+Part = Figure | Table | Text | Made | Pair
+
+
+class Section(NamedTuple):
+    """Parts below a heading, or without one."""
+
+    heading: str
+    parts: Sequence[Part]
+
+
+class Page(NamedTuple):
+    """A page of a result."""
+
+    stem: str  # of its file: CASE_COMMAND
+    title: str
+    sentences: Sequence[str]
+    numbers: Sequence[tuple[str, str]]  # at the top: number, what it is
+    sections: Sequence[Section]
+
+    def html(self) -> str:
+        """The page. Sections and parts without content are left out."""
+        return document.environment().get_template("page.html").render(page=self, title=self.title)
+
+
+def figure(drawn: "Drawing | Axes", title: str, text: str = "") -> Figure:
+    """A figure with its caption; its title names it for screen readers, too."""
+    return Figure(svg(drawn, title.rstrip(".")), title, text)
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]], note: str = "", *, classes: Sequence[str] = ()) -> Table:
+    """A table without the columns that are blank in every row; of many rows the first."""
+    every = list(rows)
+    kept = [k for k in range(len(heads)) if not every or any(row[k] for row in every)]
+    more = f"The first {MOST} of {len(every)} rows. " if len(every) > MOST else ""
+    cells = [[row[k] for k in kept] for row in every[:MOST]]
+    return Table([heads[k] for k in kept], cells, f"{more}{note}".strip(), classes)
+
+
+def made(template: str, **values: Any) -> Made:
+    """What a template makes of values."""
+    from markupsafe import Markup
+
+    return Made(Markup(document.environment().get_template(template).render(**values)))
+
+
+def write(page: Page, folder: str | Path) -> Path:
+    """Write a page into a folder; see `document.write`."""
+    return document.write(folder, page.stem, page.html())
+
+
+def report(result: Any, folder: str | Path) -> Path:
+    """Write a page on the result into a folder, as CASE_COMMAND.html: two_area_simulate.html.
+
+    Parameters
+    ----------
+    result
+        The result.
+    folder
+        Folder of the page, created if it is missing.
+
+    Returns
+    -------
+    Path
+        The page: one file with its figures, which needs no network.
+
+    Raises
+    ------
+    StudyError
+        If the folder cannot be created or written to, or a simulation has no rows recorded.
+    """
+    module, _, name = PAGES[type(result).__name__].partition(":")
+    page = getattr(import_module(f"stabctl.view.pages.{module}"), name)
+    return write(page(result), folder)
