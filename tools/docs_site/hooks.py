@@ -43,7 +43,7 @@ def on_files(files: Files, config: Any) -> Files:
         added[PAGES[name]] = (ROOT / name).read_text("utf-8").replace("](docs/", "](")
     for path in sorted((ROOT / "docs" / "notebooks").glob("*.ipynb")):
         added |= {f"notebooks/{name}": content for name, content in notebooks.converted(path).items()}
-    for file in files.documentation_pages():
+    for file in files.documentation_pages():  # those of notebooks, added above, lie one folder deeper
         added |= {_place(path): _copy(path) for path in OUTSIDE.findall(file.content_string) if path not in PAGES}
     if files.get_file_from_path("models.md") is None:
         added["models.md"] = models_page.page()
@@ -59,7 +59,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     markdown = re.sub(r"^(```\w+) exit=\d+$", r"\1", markdown, flags=re.MULTILINE)
     markdown = re.sub(r"^(```\w+) ([\w./-]+)$", r'\1 title="\2"', markdown, flags=re.MULTILINE)
     markdown = re.sub(r"\]\((notebooks/\w+)\.ipynb\)", r"](\1.md)", markdown)
-    return OUTSIDE.sub(lambda m: f"]({_place(m[1])}", markdown)
+    return markdown if folder.name == "notebooks" else OUTSIDE.sub(lambda m: f"]({_place(m[1])}", markdown)
 
 
 def on_post_page(output: str, page: Any, **_: Any) -> str:
