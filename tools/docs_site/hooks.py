@@ -16,11 +16,15 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
 
 import models_page  # noqa: E402
-from docs_site import interface, notebooks  # noqa: E402
+from docs_site import interface, notebooks, recorded  # noqa: E402
 from stabctl.view.figures.palette import FONTS, LOOK, variables  # noqa: E402
 
 PAGES = {"CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md", "README.md": "index.md"}
 OUTSIDE = re.compile(r"\]\(\.\./([^)#]+)")  # a link to a file of the repository that is not in docs
+TRIED = re.compile(r"^\[!\[([^]]+)\]\(figures/live/time-1280-light\.webp\)\]\(live\.md\)$", re.MULTILINE)
+FRAME = (
+    r'<iframe class="tried" src="assets/recorded.html" title="\1" loading="lazy"></iframe>'  # in place of its picture
+)
 SHIM = "https://unpkg.com/iframe-worker/shim"  # Material's search needs it in pages opened from the file system
 COLORS = {
     "--md-primary-fg-color": "a",
@@ -38,6 +42,7 @@ COLORS = {
 def on_files(files: Files, config: Any) -> Files:
     """Add what are no files of docs."""
     added: dict[str, str | bytes] = {"assets/site.css": _css()}
+    added["assets/recorded.html"] = recorded.html()
     added |= {f"reference/{stem}.md": interface.page(stem) for stem in interface.PAGES}
     for name in ("CHANGELOG.md", "CONTRIBUTING.md"):
         added[PAGES[name]] = (ROOT / name).read_text("utf-8").replace("](docs/", "](")
@@ -53,11 +58,19 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Write out scripts, give code blocks the name of their file as title, and turn links to pages of the site."""
+    """Put the recorded page on the front page, write out scripts, turn links to pages of the site.
+
+    Code blocks get the name of their file as title.
+    """
     folder = Path(page.file.src_path).parent
     markdown = re.sub(r"^\[`[\w.]+`\]\(([\w/]+\.py)\)$", lambda m: _script(folder / m[1]), markdown, flags=re.MULTILINE)
     markdown = re.sub(r"^(```\w+) exit=\d+$", r"\1", markdown, flags=re.MULTILINE)
     markdown = re.sub(r"^(```\w+) ([\w./-]+)$", r'\1 title="\2"', markdown, flags=re.MULTILINE)
+    if TRIED.search(markdown):
+        page.meta["hide"] = ["navigation", "toc"]
+    markdown = TRIED.sub(
+        r'<iframe class="tried" src="assets/recorded.html" title="\1" loading="lazy"></iframe>', markdown
+    )
     markdown = re.sub(r"\]\((notebooks/\w+)\.ipynb\)", r"](\1.md)", markdown)
     return markdown if folder.name == "notebooks" else OUTSIDE.sub(lambda m: f"]({_place(m[1])}", markdown)
 

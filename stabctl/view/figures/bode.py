@@ -76,8 +76,8 @@ def plot_margins(found: Margins) -> "Figure":
     -------
     matplotlib.figure.Figure
         With negative feedback the loop becomes unstable where the loop gain is 0 dB at -180 degrees. A vertical line
-        from 0 dB is a gain margin, one from -180 degrees the phase margin. Of several loops those with the smallest
-        disk margins are shown, at most 4.
+        from 0 dB is a gain margin, one from -180 degrees the phase margin; the legend has their values. Of several
+        loops those with the smallest disk margins are shown, at most 4.
 
     Raises
     ------
@@ -95,7 +95,9 @@ def plot_margins(found: Margins) -> "Figure":
     for k, r in enumerate(order):
         hz, gain = found.hz[part], found.gain[part, r]
         with np.errstate(divide="ignore"):
-            size.plot(hz, np.maximum(20 * np.log10(np.abs(gain)), FLOOR), color=COLORS[k], label=found.loops[r].name)
+            size.plot(
+                hz, np.maximum(20 * np.log10(np.abs(gain)), FLOOR), color=COLORS[k], label=_margins(found.loops[r])
+            )
         phase.plot(hz, _degrees(gain), color=COLORS[k])
         _gains(size, found.loops[r], COLORS[k])
         _phases(phase, found.loops[r], COLORS[k], hz, gain)
@@ -108,6 +110,14 @@ def plot_margins(found: Margins) -> "Figure":
     size.legend(loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2, frameon=False, fontsize="small", title=title)
     figure.align_ylabels(axes)
     return figure
+
+
+def _margins(loop: LoopMargins) -> str:
+    """Name and margins of a loop."""
+    factors = (loop.gain_up, loop.gain_up_hz), (loop.gain_down, loop.gain_down_hz)
+    told = [f"{20 * np.log10(factor):+.1f} dB" for factor, hz in factors if 0 < factor < np.inf and 0 < hz < np.inf]
+    told += [f"{loop.phase_deg:.0f} deg"] * bool(np.isfinite(loop.phase_deg))
+    return f"{loop.name}: {', '.join(told)}" if told else loop.name
 
 
 def _degrees(gain: np.ndarray) -> np.ndarray:
@@ -123,7 +133,6 @@ def _gains(ax: "Axes", loop: LoopMargins, color: str) -> None:
         if 0 < factor < np.inf and 0 < hz < np.inf:
             change = 20 * np.log10(factor)
             ax.plot([hz, hz], [-change, 0], color=color, linewidth=2.5, solid_capstyle="butt")
-            _written(ax, f"{change:+.1f} dB", hz, -change / 2, color)
 
 
 def _phases(ax: "Axes", loop: LoopMargins, color: str, hz: np.ndarray, gain: np.ndarray) -> None:
@@ -131,8 +140,3 @@ def _phases(ax: "Axes", loop: LoopMargins, color: str, hz: np.ndarray, gain: np.
     if np.isfinite(loop.phase_deg):
         side = np.sign(np.angle(-gain[np.abs(hz - loop.phase_hz).argmin()]))
         ax.plot([loop.phase_hz] * 2, [-180, -180 + side * loop.phase_deg], color=color, linewidth=2.5)
-        _written(ax, f"{loop.phase_deg:.0f} deg", loop.phase_hz, -180 + side * loop.phase_deg / 2, color)
-
-
-def _written(ax: "Axes", text: str, x: float, y: float, color: str) -> None:
-    ax.annotate(text, (x, y), xytext=(5, 0), textcoords="offset points", color=color, va="center", fontsize="small")

@@ -147,8 +147,8 @@ def _dots(ax: "Axes", s: np.ndarray, color: str, marker: str, label: str) -> Non
 
 
 def _plane(ax: "Axes", several: "Sequence[Modes]") -> None:
-    """Limits around the electromechanical modes, and lines of constant damping ratio."""
-    s = np.concatenate([m.eigenvalues[m.swings()] for m in several])
+    """Limits around the electromechanical modes and the least damped ones, and lines of constant damping ratio."""
+    s = np.concatenate([m.eigenvalues[[*m.swings(), *m.least_damped()]] for m in several])
     left = min(-1.0, 1.15 * s.real.min(initial=0.0))
     right = max(-0.08 * left, 1.5 * s.real.max(initial=0.0))
     top = min(FAST, 1.4 * s.imag.max(initial=2 * np.pi) / (2 * np.pi))

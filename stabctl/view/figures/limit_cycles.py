@@ -49,16 +49,19 @@ def plot(found: LimitCycles, *, ax: "Axes | None" = None) -> "Axes":
         ax.annotate(text, (place, 0), xytext=(0, 9), textcoords="offset points", ha="center", fontsize="small")
     half = _half(found)
     ax.set(xlim=(-half, half), ylim=(-half, half), xlabel="real part", ylabel="imaginary part", aspect="equal")
+    if not found.curves:
+        ax.set_title("no loop gain to show", fontsize="medium")
     ax.axhline(0, color=GRAY, linewidth=0.8, zorder=1)
     ax.axvline(0, color=GRAY, linewidth=0.8, zorder=1)
     ax.locator_params(nbins=5)
     ax.ticklabel_format(scilimits=(-2, 3))
-    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2, frameon=False, fontsize="small")
+    if found.curves:
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2, frameon=False, fontsize="small")
     return ax
 
 
 def _half(found: LimitCycles) -> float:
-    """Half the width of the axes: the limit cycles are inside, or else the nearest end of -1/N(A)."""
+    """Half the width of the axes: the limit cycles are inside, or else the nearest end of -1/N(A), if there is one."""
     if found.cycles:
         return WIDE * max(abs(c.inverse) for c in found.cycles)
-    return WIDE * max(1 / float(c.acts.gain(c.acts.grid()).max()) for c in found.curves)
+    return WIDE * max((1 / float(c.acts.gain(c.acts.grid()).max()) for c in found.curves), default=1.0)

@@ -4,7 +4,7 @@ The labels are placed in the same way every time; one that would lie over someth
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -75,7 +75,8 @@ def draw(line: OneLine, *results: Any, ax: "Axes | None" = None) -> "Axes":
         if type(result) not in KINDS:
             kinds = ", ".join(kind.__name__ for kind in KINDS)
             raise StudyError(f"{shown(result)} cannot be drawn on a one-line diagram; give one of {kinds}.")
-    low, high = _extent(line)
+    reach = [end for r in results if isinstance(r, Mode) for _, _, ends in [_arrows(line, r)] for end in ends]
+    low, high = _extent(line, reach)
     size = np.maximum(high - low, 1.0)
     ax = single(ax, *_inches(size))
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
@@ -86,14 +87,17 @@ def draw(line: OneLine, *results: Any, ax: "Axes | None" = None) -> "Axes":
     _transformers(ax, line, point)
     notes = [note for r in results for note in KINDS[type(r)](ax, line, r, point)]
     _symbols(ax, line, point, bare=bool(results))
-    draw_labels(ax, line, notes, point)
+    arrows = [
+        np.stack([at, ends], axis=1) for r in results if isinstance(r, Mode) for at, _, ends in [_arrows(line, r)]
+    ]
+    draw_labels(ax, line, notes, point, arrows)
     ax.set_title(line.case.name, fontsize="medium", loc="left")
     return ax
 
 
-def _extent(line: OneLine) -> tuple[np.ndarray, np.ndarray]:
-    """Corners of the diagram, with room for labels."""
-    every = np.vstack([line.buses, line.machines, line.storage])
+def _extent(line: OneLine, reach: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of the diagram and of the arrows that reach beyond it, with room for labels."""
+    every = np.vstack([line.buses, line.machines, line.storage, *reach])
     return every.min(axis=0) - 0.7, every.max(axis=0) + 0.7
 
 
@@ -177,18 +181,23 @@ class Label(NamedTuple):
 
 def mode(ax: "Axes", line: OneLine, found: Mode, point: float) -> list[Label]:
     """Arrows at the machines, relative to the largest, colored by the side of the swing."""
-    row = _machines(line, [p.machine for p in found.shape])
-    shape = np.array([p.magnitude * np.exp(1j * np.deg2rad(p.angle_deg)) for p in found.shape])
-    lead = shape[np.abs(shape).argmax()] if len(shape) else 1.0
-    drawn = np.flatnonzero(np.abs(shape) >= SMALLEST_ARROW)
-    turned = shape[drawn] / lead * ARROW
+    at, turned, _ = _arrows(line, found)
     color = [COLORS[0] if s.real >= 0 else COLORS[1] for s in turned]
-    at = line.machines[row[drawn]]
     look: Any = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 1.6 / point, "units": "xy", "zorder": 5}
     ax.quiver(*at.T, turned.real, turned.imag, color=color, **look)
     hz, ratio = found.frequency_hz, 100 * found.damping_ratio
     ax.text(1, 1.01, f"{hz:.2f} Hz, damping {ratio:.1f} %", transform=ax.transAxes, ha="right", fontsize="small")
     return []
+
+
+def _arrows(line: OneLine, found: Mode) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The arrows of a mode: where they begin (arrows, 2), their directions as complex numbers, where they end."""
+    row = _machines(line, [p.machine for p in found.shape])
+    shape = np.array([p.magnitude * np.exp(1j * np.deg2rad(p.angle_deg)) for p in found.shape])
+    lead = shape[np.abs(shape).argmax()] if len(shape) else 1.0
+    drawn = np.flatnonzero(np.abs(shape) >= SMALLEST_ARROW)
+    at, turned = line.machines[row[drawn]], shape[drawn] / lead * ARROW
+    return at, turned, at + np.stack([turned.real, turned.imag], axis=1)
 
 
 def areas(ax: "Axes", line: OneLine, found: Areas, point: float) -> list[Label]:
@@ -264,18 +273,23 @@ KINDS: Mapping[type, Callable[["Axes", OneLine, Any, float], list[Label]]] = {
 }
 
 
-def draw_labels(ax: "Axes", line: OneLine, notes: list[Label], point: float) -> None:
-    """Draw notes, machine names and bus numbers, in this order of importance; `point` is points per unit."""
+def draw_labels(ax: "Axes", line: OneLine, notes: list[Label], point: float, arrows: Sequence[np.ndarray] = ()) -> None:
+    """Draw notes, machine names and bus numbers, in this order of importance; `point` is points per unit.
+
+    The first note is always drawn, if need be farther from its symbol. Names keep off arrows (arrows, ends, 2).
+    """
     size = min(0.2 * point, LETTERS)
     noted = {tuple(n.at): n.radius for n in notes}
     names = [n._replace(radius=max(n.radius, noted.get(tuple(n.at), 0.0))) for n in _names(line)]
     wanted = notes if size < SMALLEST_LABEL else [*notes, *names]
-    size, room = max(size, SMALLEST_LABEL), Room(line)
+    size, room = max(size, SMALLEST_LABEL), Room(line, arrows)
     for x, y in noted:
         room.take((x - noted[x, y], y - noted[x, y], x + noted[x, y], y + noted[x, y]))
     for label in wanted:
         letter = (1.1 if label.bold else 1.0) * size / point
-        places = [box for box in _places(label, letter) if room.free(box)]
+        farther = np.linspace(0.0, 2.0, 9 if label is notes[0] else 1) if notes else [0.0]
+        around = (_places(label._replace(radius=label.radius + d), letter) for d in farther)
+        places = next(filter(None, ([box for box in boxes if room.free(box)] for boxes in around)), [])
         if places:
             box = min(places, key=room.crossed)
             room.take(box)
@@ -308,12 +322,12 @@ def _places(label: Label, letter: float) -> list[Box]:
 class Room:
     """What is taken: boxes of symbols and labels, and how many points of lines lie in a box."""
 
-    def __init__(self, line: OneLine) -> None:
+    def __init__(self, line: OneLine, arrows: Sequence[np.ndarray] = ()) -> None:
         self.cells: defaultdict[tuple[int, int], list[Box]] = defaultdict(list)
         for at, radius in ((line.buses, BUS), (line.machines, MACHINE), (line.storage, MACHINE)):
             for x, y in at.tolist():
                 self.take((x - radius, y - radius, x + radius, y + radius))
-        lines = np.concatenate([line.ends, np.array(_stubs(line)).reshape(-1, 2, 2)])
+        lines = np.concatenate([line.ends, np.array(_stubs(line)).reshape(-1, 2, 2), *arrows])
         points = np.vstack([lines[:, 0] * (1 - f) + lines[:, 1] * f for f in np.linspace(0.02, 0.98, 25)])
         self.corner = points.min(axis=0) - 3.0
         shape = np.ceil((points.max(axis=0) + 3.0 - self.corner) / GRAIN).astype(int)

@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from functools import cache, lru_cache
 from pathlib import Path
@@ -100,15 +100,21 @@ def _diagram(drawn: OneLine) -> dict[str, Any]:
     }
 
 
-def recording(points: Points, state: State, load: Source, results: Any) -> dict[str, Any]:
-    """What a saved page knows: the case, the state, recorded runs, and the results that the page has."""
+def recording(
+    points: Points, state: State, load: Source, results: Any, percents: Sequence[float] = ()
+) -> dict[str, Any]:
+    """What a saved page knows: the case, the state, recorded runs, and the results that the page has.
+
+    Runs are recorded over the clearing time and, if `percents` are given, over the storage of every machine (% of MVA).
+    """
     first = max(0.0, state.clear - SPREAD / 2)
     times = sorted({*(first + SPREAD * k / (FRAMES - 1) for k in range(FRAMES)), state.clear})
-    taken = [(clear, answers.run_answer(points, replace(state, clear=clear), load)) for clear in times]
+    each = [(clear, percent) for percent in percents or (state.percent,) for clear in times]
+    runs = [(*one, answers.run_answer(points, replace(state, clear=one[0], percent=one[1]), load)) for one in each]
     return {
         "case": about(points),
         "clear": state.clear,
         "state": {f.name: getattr(state, f.name) for f in fields(state)} | {"megawatts": dict(state.megawatts)},
-        "runs": [[clear, base64.b64encode(answer).decode()] for clear, answer in taken],
+        "runs": [[*one, base64.b64encode(answer).decode()] for *one, answer in runs],
         "results": results,
     }

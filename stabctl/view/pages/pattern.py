@@ -27,6 +27,7 @@ PAGES = {
     "WeakGrid": "network_pages:weak_grid",
     "ImportReport": "network_pages:imported",
 }  # class of a result -> module and function of its page
+HALF = 75  # letters in half the width of a page
 MOST = 2000  # rows of a table; a browser sorts them in a fraction of a second
 
 
@@ -53,6 +54,11 @@ class Table(NamedTuple):
         """Whether a column holds words: the first one, and those whose cells are no numbers."""
         columns = zip(*self.rows, strict=True) if self.rows else [()] * len(self.heads)
         return [k == 0 or not _numeric(column) for k, column in enumerate(columns)]
+
+    @property
+    def letters(self) -> int:
+        """Letters of a row with the widest cell of every column, and the space between them."""
+        return sum(3 + max(len(str(cell)) for cell in column) for column in zip(self.heads, *self.rows, strict=True))
 
 
 def _numeric(cells: Iterable[str]) -> bool:
@@ -92,6 +98,11 @@ class Section(NamedTuple):
 
     heading: str
     parts: Sequence[Part]
+
+    @property
+    def narrow(self) -> bool:
+        """Whether it fits into half of a wide page: nothing but tables of few letters in a row."""
+        return all(isinstance(part, Table) and part.letters < HALF for part in self.parts)
 
 
 class Page(NamedTuple):

@@ -61,9 +61,12 @@ const controls = {
       $("signals").append(chip);
     }
     if (live.recorded) {
-      const values = live.recorded.runs.map((r) => r[0]);
-      Object.assign($("clear"), { min: values[0], max: values.at(-1), step: 0.0001 });
-      for (const part of $("controls").querySelectorAll("input:not(#clear), select")) part.disabled = true;
+      const { runs } = live.recorded, [first, last] = [runs[0], runs.at(-1)];
+      Object.assign($("clear"), { min: first[0], max: last[0], step: 0.0001 });
+      Object.assign($("percent"), { min: first[1], max: last[1] });
+      for (const part of $("controls").querySelectorAll("input, select")) part.disabled = !["clear", "percent"].includes(part.id);
+      $("percent").disabled = first[1] === last[1];
+      $("controls").classList.toggle("trial", first[1] !== last[1]);
       for (const part of $("signals").children) part.disabled = true;
     }
   },
@@ -154,10 +157,10 @@ function change(settings) { // a change of the state by the user
   address.changed();
 }
 
-function replay() { // the recorded run nearest to the slider
-  const far = (r) => Math.abs(r[0] - live.state.clear);
-  const nearest = live.recorded.runs.reduce((a, b) => (far(b) < far(a) ? b : a));
-  live.state.clear = nearest[0];
+function replay() { // the recorded run nearest to the sliders, to that of storage first
+  const far = (r) => 1e3 * Math.abs(r[1] - live.state.percent) + Math.abs(r[0] - live.state.clear);
+  const [clear, percent, answer] = live.recorded.runs.reduce((a, b) => (far(b) < far(a) ? b : a));
+  Object.assign(live.state, { clear, percent });
   controls.show();
-  answered(Uint8Array.from(atob(nearest[1]), (c) => c.charCodeAt(0)).buffer);
+  answered(Uint8Array.from(atob(answer), (c) => c.charCodeAt(0)).buffer);
 }
