@@ -39,6 +39,12 @@ class Case(Tables):
     ------
     CaseError
         For the first error, with table, row, column, value and what is allowed.
+
+    Examples
+    --------
+    >>> case = st.load("two_area")
+    >>> [row.machine for row in case.machines], case.loads[0].p, case.devices["sexs"][1].KA
+    ([1, 2, 3, 4], 967.0, 200.0)
     """
 
     def __post_init__(self) -> None:
@@ -69,6 +75,11 @@ class Case(Tables):
         ------
         StudyError
             If there is no such machine.
+
+        Examples
+        --------
+        >>> st.load("two_area").machine(2).p
+        700.0
         """
         found = naming.machine_number(self, number) if isinstance(number, str) else number
         for m in self.machines:
