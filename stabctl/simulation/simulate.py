@@ -65,6 +65,12 @@ def simulate(
     ------
     StudyError
         If the case lacks something named, or an argument is invalid.
+
+    Examples
+    --------
+    >>> run = st.load("two_area").simulate(st.Contingency("7-8@0.4", clear="150ms"), until="5s")
+    >>> print(run.outcome)
+    All machines stayed in synchronism until 5.000 s; frequency 59.97 (machine 3) to 60.31 Hz (machine 2), ...
     """
     point = operating_point(base, storage)
     law = checked_control(control, point.case)

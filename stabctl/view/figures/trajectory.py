@@ -60,6 +60,11 @@ def plot(
     ------
     StudyError
         If there is no such signal, more than one, or the case has no storage to show.
+
+    Examples
+    --------
+    >>> run = st.load("two_area").simulate(st.Contingency("7", clear="6cyc"), until="3s")
+    >>> run.plot("angle", machines=[1, 4]).figure.savefig("angle.png")
     """
     if others:
         raise StudyError(
