@@ -83,6 +83,14 @@ def clearing_time(
     ------
     StudyError
         If the case lacks something named, or the grid has no points.
+
+    Examples
+    --------
+    >>> base = st.load("two_area").initialize()
+    >>> base.clearing_time("7-8@0.4").cycles
+    20.375
+    >>> base.clearing_time("7-8@0.4", storage="50MW", control=st.BangBang()).cycles
+    26.0
     """
     point = operating_point(base, storage)
     search = Search.of(

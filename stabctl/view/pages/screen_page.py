@@ -50,6 +50,12 @@ def write(screen: Screen, folder: str | Path, *, base: "Case | OperatingPoint | 
     ------
     StudyError
         If the folder cannot be created or written to, or the system lacks a line of the screen.
+
+    Examples
+    --------
+    >>> case = st.load("two_area")
+    >>> case.screen().report("pages", base=case).exists()
+    True
     """
     return document.write(folder, f"screen_{screen.case}", page(screen, base))
 
