@@ -59,6 +59,14 @@ def modes(
         If the point is not an equilibrium, or a device is exactly at a limit; names the state or the limit.
     StudyError
         If the band is not a band of frequencies.
+
+    Examples
+    --------
+    >>> st.load("two_area").modes("0.1..2Hz").df.query("swing")[["frequency_hz", "damping_ratio", "mode"]].round(3)
+       frequency_hz  damping_ratio               mode
+    0         0.611          0.120  1, 2 against 3, 4
+    1         1.263          0.362        1 against 2
+    2         1.341          0.375        3 against 4
     """
     chosen = None if band is None else units.band(band)
     d = descriptor(operating_point(base, storage))

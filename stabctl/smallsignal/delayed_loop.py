@@ -308,6 +308,13 @@ class DelayedModes(Modes):
         Largest distance of an electromechanical mode from that of the Pade approximation.
 
     The others are those of `Modes`.
+
+    Examples
+    --------
+    >>> late = st.Controller("deviation:1", "order:1@5", [], [], [], [[100.0]], delay="300ms")
+    >>> modes = st.load("two_area").closed_loop(late, storage="50MW").modes()
+    >>> modes.growing, modes.certified, modes.stable
+    (0, True, True)
     """
 
     radius: float = 0.0

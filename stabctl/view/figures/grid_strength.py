@@ -106,6 +106,11 @@ def plot_weak_grid(found: "WeakGrid", *, ax: "Axes | None" = None) -> "Axes":
     -------
     matplotlib.axes.Axes
         Red: a mode grows. Gray: no operating point.
+
+    Examples
+    --------
+    >>> found = st.load("two_area").with_device("regc_c", 3).weak_grid(3, scr=(1.5, 3), gain=(1, 4))
+    >>> found.plot().figure.savefig("weak.png")
     """
     ax = single(ax, 6.4, 4.2)
     ax.set_facecolor("0.85")
