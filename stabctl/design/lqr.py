@@ -72,6 +72,11 @@ def lqr(
     ------
     StudyError
         If the system cannot be stabilized with these inputs.
+
+    Examples
+    --------
+    >>> print(st.design.lqr(st.load("two_area_thyristor"), storage="50MW", speed="100mHz"))
+    1 controller: smallest damping ratio of 0.1 to 3 Hz: -0.0087 without, 0.1015 with.
     """
     point = operating_point(base, storage)
     drives, reads = driven(point, outputs), () if inputs is None else chosen(point.case, inputs, OUTPUTS)

@@ -102,6 +102,12 @@ def pod(
     ------
     StudyError
         If there is no such signal, or the mode cannot be damped with it.
+
+    Examples
+    --------
+    >>> base = st.load("two_area_thyristor").initialize(storage="3@11=50MW")
+    >>> print(st.design.pod(base, "deviation:3", "order:3@11", damping=0.05, rate=60, delay="100ms"))
+    1 controller: smallest damping ratio of 0.1 to 3 Hz: -0.0087 without, 0.0500 with.
     """
     points = operating_points(base, storage)
     hz = None if mode is None else hertz(mode)
