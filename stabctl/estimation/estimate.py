@@ -72,6 +72,12 @@ def estimate(
     ------
     StudyError
         For invalid arguments, and if the simulation ends before its last event.
+
+    Examples
+    --------
+    >>> base = st.load("two_area").classical().initialize(storage="50MW")
+    >>> print(base.estimate(st.Contingency("7", clear="8cyc", trip="7-8"), "3s", seeds=[1, 2]))
+    two_area, kalman estimator: 180 frames at 60 per second, 2 seeds
     """
     point = operating_point(base, storage)
     hz = point.case.frequency_hz
