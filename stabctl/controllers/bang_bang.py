@@ -64,6 +64,11 @@ class BangBang(Law):
     def par(self, device: StorageDevice) -> Par:
         """Parameters in pu.
 
+        Parameters
+        ----------
+        device : StorageDevice
+            The device that receives the orders.
+
         Examples
         --------
         >>> from stabctl.controllers.signals import StorageDevice

@@ -98,6 +98,11 @@ class Feedback(Law):
     def par(self, device: StorageDevice) -> Par:
         """Parameters, with gains in orders per pu of speed.
 
+        Parameters
+        ----------
+        device : StorageDevice
+            The device that receives the orders.
+
         Examples
         --------
         >>> from stabctl.controllers.signals import StorageDevice
@@ -110,6 +115,11 @@ class Feedback(Law):
 
     def gains(self, device: StorageDevice) -> tuple[float, float, float]:
         """Slopes of the order, as in `Law.gains`; 0 of speed if the power is full from the edge of the deadband on.
+
+        Parameters
+        ----------
+        device : StorageDevice
+            The device that receives the orders.
 
         Examples
         --------

@@ -140,6 +140,11 @@ class StorageLaw(Law):
     def par(self, device: StorageDevice) -> Par:
         """Parameters in pu.
 
+        Parameters
+        ----------
+        device : StorageDevice
+            The device that receives the orders.
+
         Examples
         --------
         >>> from stabctl.controllers.signals import StorageDevice
@@ -163,6 +168,11 @@ class StorageLaw(Law):
 
     def gains(self, device: StorageDevice) -> tuple[float, float, float]:
         """Slopes of the order, as in `Law.gains`.
+
+        Parameters
+        ----------
+        device : StorageDevice
+            The device that receives the orders.
 
         Examples
         --------

@@ -89,7 +89,7 @@ def law(
     contingencies : iterable of Contingency or str, Contingency, or Screen
         Faults; their own clearing times are ignored. Of a screen, the 20 most critical, spread over the machines that
         lose synchronism.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
     limits : LawLimits, optional
         Limits on energy, switching, frequency and voltage.

@@ -87,7 +87,7 @@ def lqg(
     limits : pair of float, optional
         Limits of the outputs. The design ignores them, and the estimator takes every output as given in full, so its
         states are wrong while an output is at a limit; check such a regulator by simulation.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
     name : str
         Name of the controller.

@@ -56,7 +56,7 @@ def lqr(
         Angle to the COI that counts as much as one `effort`; by default angles are free.
     effort : float
         Size of an output, in the unit of the input driven (ratings, for orders).
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
     limits : pair of float, optional
         Limits of the outputs.

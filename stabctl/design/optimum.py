@@ -206,7 +206,7 @@ def optimum(
         The system; a case is initialized first.
     contingency : Contingency or str
         The fault and the circuits opened to clear it, as in `clearing_time`.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
     law : BangBang
         Law with which the search begins, and which takes over after the schedule; a device is idle below its lowest

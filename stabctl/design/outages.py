@@ -71,7 +71,7 @@ def outages(base: Case | OperatingPoint, *, storage: "Fleet | None" = None) -> O
     base : Case or OperatingPoint
         The system. The power flow is solved again without each of its branches in turn (lines and transformers; equal
         circuits side by side count once).
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
 
     Returns

@@ -144,7 +144,7 @@ def pairs(
     ranges : mapping of str to float, optional
         What an input, or all of a kind, may be given, in its unit; by default 1 for orders, 0.1 for "vs", 0.05 for
         "vref" and "pref", and 0.1 for others.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
 
     Returns

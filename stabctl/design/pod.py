@@ -89,7 +89,7 @@ def pod(
         Time constant of the washout.
     limits : pair of float, optional
         Limits of the output, in the unit of the input driven.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
     name : str
         Name of the controller.

@@ -113,6 +113,13 @@ class OperatingPoint:
     def from_center(self, of_rotors: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """Values less their weighted mean over the island of each rotor, both (..., rotor units).
 
+        Parameters
+        ----------
+        of_rotors : ndarray (..., rotor units)
+            The values.
+        weight : ndarray (..., rotor units)
+            Their weights, such as `inertia`.
+
         Examples
         --------
         >>> base = st.load("two_area").initialize()
@@ -199,7 +206,12 @@ class OperatingPoint:
         return self.admittances(switching).matrix(len(self.V))
 
     def admittances(self, switching: network.Switching = network.UNSWITCHED) -> network.Entries:
-        """The entries of `admittance`, for the same arguments.
+        """The entries of `admittance`.
+
+        Parameters
+        ----------
+        switching : Switching
+            What is out of service; nothing by default.
 
         Examples
         --------
@@ -214,6 +226,11 @@ class OperatingPoint:
 
     def real_admittance(self, switching: network.Switching = network.UNSWITCHED) -> Matrix:
         """The same in real form (2n, 2n), real and imaginary parts interleaved; dense if the system is small.
+
+        Parameters
+        ----------
+        switching : Switching
+            What is out of service; nothing by default.
 
         Examples
         --------
@@ -262,7 +279,7 @@ def operating_point(base: Case | OperatingPoint, storage: Fleet | None = None) -
     Parameters
     ----------
     base : Case or OperatingPoint
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Devices in place of the case's own: a rating at every machine ("50MW", "5%mva", "5%dispatch"), ratings at
         some ("14=50MW,13@33=20MW" or {14: "50MW"}; numbers are MW), rows, or "none".
 
@@ -285,7 +302,7 @@ def initialize(case: Case, storage: Fleet | None = None) -> OperatingPoint:
     Parameters
     ----------
     case : Case
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own; see `operating_point`.
 
     Returns

@@ -48,7 +48,7 @@ def estimate(
         The disturbance, as in `simulate`. By default there is none.
     until : str or float, optional
         End of the simulation: "10s", or seconds; by default 5 s after the last event.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
     control : control law, Controller, list of them, or EstimatorControl, optional
         The control law of the storage devices, with estimated speeds, `BangBang()` by default, and controllers. An

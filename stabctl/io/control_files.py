@@ -145,7 +145,14 @@ def _law(content: Mapping[str, Any], path: Path) -> Law:
 
 
 def save_controller(controller: Controller, path: str | Path) -> Path:
-    """Write a controller to a file ending in .toml, and return its path. Raises `StudyError` for a Python function.
+    """Write a controller to a file, and return its path. Raises `StudyError` for a Python function.
+
+    Parameters
+    ----------
+    controller : Controller
+        The controller.
+    path : str or Path
+        File to write, ending in .toml.
 
     Examples
     --------

@@ -21,11 +21,13 @@ class Case(Tables):
     ----------
     name : str
         Name of the case.
-    buses, branches, machines, loads, links, storage : iterable of Bus, Branch, Machine, Load, Link, Storage
+    buses, branches, machines : iterable of Bus, Branch, Machine
         The tables.
     devices : mapping of str to mapping
         For each model (`genrou`, `pss` ...) a mapping from key to parameters. The key is the machine number, or the bus
         number for load models; the second device of a model at machine 2 has the key "2#2".
+    loads, links, storage : iterable of Load, Link, Storage
+        More tables, which may be empty.
     base_mva : float, MVA
         System base.
     frequency_hz : float, Hz

@@ -137,6 +137,11 @@ class UnusualData(Tabular):
     def told(self, case: str) -> str:
         """The line about them in other commands; empty if there are none.
 
+        Parameters
+        ----------
+        case : str
+            The case as `stabctl check` takes it.
+
         Examples
         --------
         >>> st.load("two_area").set("genrou.1.H", 1500).check().told("two_area")

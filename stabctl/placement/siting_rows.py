@@ -11,6 +11,11 @@ REFINED = "half the time step and twice the observation window"
 class Costs(NamedTuple):
     """What storage costs, in any one currency, where a site has no costs of its own.
 
+    Parameters
+    ----------
+    mw, site, mwh : float
+        Cost of a MW, of a site, and of a MWh.
+
     Examples
     --------
     >>> wanted, costs = st.Contingency("7-8@0.4", clear="22cyc"), st.Costs(mw=1.0, site=20.0)

@@ -40,7 +40,7 @@ def simulate(
         changes). By default there is none.
     until : str or float
         End of the run: "10s", or seconds.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own: "50MW" at every machine, "14=50MW,13=20MW", {14: "50MW"}, rows.
     control : control law, Controller, or list of them, optional
         A law of the storage devices, `BangBang()` or `Feedback(...)`, and controllers of anything; without a law or

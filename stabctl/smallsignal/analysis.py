@@ -42,7 +42,7 @@ def modes(
     band : str or pair, optional
         Frequencies of the modes in `df`: "0.1..2Hz", or two numbers in Hz. Up to 2000 states all modes are computed;
         above that, only those of the band (0.1 to 2.5 Hz by default).
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
     damping : tuple of float
         Lowest and highest damping ratio, if only the modes of a band are computed.

@@ -38,7 +38,7 @@ class ClosedLoop(Linear):
 
     Without sampled controllers, A, B, C, D are those of $\dot x = A x + B u$, $y = C x + D u$. With them,
     $A = (M - 1) / T$ for the map $M$ of the states over the common period $T$ of the frames, and B and D are those of
-    inputs held over the period.
+    inputs held over the period. Its other attributes are those of `Linear`.
 
     Attributes
     ----------
@@ -50,8 +50,6 @@ class ClosedLoop(Linear):
         Frames of the fastest controller in a period.
     opened : DelayedLoop or None
         The loop with exact delays, if continuous controllers have delays and none is sampled.
-
-    The others are those of `Linear`.
 
     Examples
     --------
@@ -166,7 +164,7 @@ def closed_loop(
         The controllers; a law of storage devices acts as its `controllers`.
     inputs, outputs : str or iterable
         Signals of the model, as in `linearize`.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
 
     Returns

@@ -293,6 +293,8 @@ def _nodes(tau: float, fast: float) -> int:
 class DelayedModes(Modes):
     """The roots of a loop with continuous delays in a circle around 0, and all that grow; infinitely many others decay.
 
+    Its other attributes are those of `Modes`.
+
     Attributes
     ----------
     radius : float, 1/s
@@ -306,8 +308,6 @@ class DelayedModes(Modes):
         Number of roots that grow, at any frequency, by the argument principle; None if they cannot be counted.
     correction : float, 1/s
         Largest distance of an electromechanical mode from that of the Pade approximation.
-
-    The others are those of `Modes`.
 
     Examples
     --------

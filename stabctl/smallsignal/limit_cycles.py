@@ -190,7 +190,7 @@ def limit_cycles(
         Signals whose amplitudes are reported, as in `linearize`; by default the inputs of these controllers.
     band : str or pair, Hz
         Frequencies: "0.1..10Hz". Cycles of less than 6 frames are left out.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
 
     Returns

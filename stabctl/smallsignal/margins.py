@@ -191,7 +191,7 @@ def margins(base: Case | OperatingPoint, *controllers: Controller | Law, storage
     *controllers : Controller or Law
         The controllers, with which it must be stable; no Python functions. A law of storage devices acts as its
         `controllers`.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
 
     Returns

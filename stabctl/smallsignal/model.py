@@ -139,6 +139,19 @@ class Model:
 class Linear(Model):
     """The full linear model of an operating point.
 
+    Attributes
+    ----------
+    name : str
+        Name of the case.
+    A, B, C, D : ndarray
+        Matrices of the model; A in 1/s.
+    states, inputs, outputs : tuple of str
+        Labels.
+    point : OperatingPoint
+        The operating point.
+    places : tuple of StatePlace
+        Device, machine and name of every state.
+
     Examples
     --------
     >>> model = st.load("two_area").linearize(inputs="vref:2", outputs="speed:2")
@@ -222,7 +235,7 @@ def linearize(
     inputs, outputs : str or iterable
         Signals of `stabctl.smallsignal.INPUTS` and `OUTPUTS`: "vref:2, storage:33" or ["speed:14", "voltage:7"]; a
         kind alone, such as "speed", means all signals of that kind.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
 
     Returns

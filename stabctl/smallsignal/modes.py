@@ -63,6 +63,19 @@ class Part:
 class Mode:
     """One eigenvalue of the system.
 
+    Attributes
+    ----------
+    eigenvalue : complex, 1/s
+        Its value.
+    electromechanical : bool
+        Whether machines or converters swing against each other.
+    label : str
+        Its name.
+    participation : tuple of Share
+        The ten states that participate most.
+    shape : tuple of Part
+        How the rotors move.
+
     Examples
     --------
     >>> modes = st.load("two_area").modes()
@@ -100,6 +113,17 @@ class Mode:
 @dataclass(frozen=True, repr=False)
 class Modes:
     """Eigenvalues with left and right eigenvectors, W^H V = I; by frequency, conjugate pairs next to each other.
+
+    Attributes
+    ----------
+    linear : Linear
+        The linear model.
+    eigenvalues : ndarray (modes), complex, 1/s
+        The eigenvalues.
+    right, left : ndarray (states, modes), complex
+        V and W.
+    band : pair of float, Hz, optional
+        Frequencies of the modes in `df`; all without it.
 
     Examples
     --------
@@ -178,6 +202,11 @@ class Modes:
     def label(self, k: int) -> str:
         """Name of mode k: the machines and converters that swing against each other, or the dominant state.
 
+        Parameters
+        ----------
+        k : int
+            Index of the mode among `eigenvalues`, as returned by `swings()`.
+
         Examples
         --------
         >>> modes = st.load("two_area").modes()
@@ -194,7 +223,12 @@ class Modes:
         return leader(linear, self.shares[:, k], self.shapes[:, k], self.eigenvalues[k].imag != 0)
 
     def mode(self, k: int) -> Mode:
-        """Mode k as a record; k is an index of `eigenvalues`, as returned by `swings()`.
+        """Mode k as a record.
+
+        Parameters
+        ----------
+        k : int
+            Index of the mode among `eigenvalues`, as returned by `swings()`.
 
         Examples
         --------
@@ -226,6 +260,11 @@ class Modes:
     def within(self, low_hz: float, high_hz: float) -> list[int]:
         """Indices of the oscillatory modes in a band of frequencies, one of each pair.
 
+        Parameters
+        ----------
+        low_hz, high_hz : float, Hz
+            The band.
+
         Examples
         --------
         >>> modes = st.load("two_area").modes()
@@ -253,9 +292,14 @@ class Modes:
         return self.linear.C @ self.right
 
     def residues(self, output: str | int = 0, input: str | int = 0) -> np.ndarray:
-        """Residues (modes) of the transfer function from an input to an output (names, labels or indices).
+        """Residues (modes) of the transfer function from an input to an output.
 
         They are also the derivatives of the eigenvalues with respect to the gain k of the feedback u = k y, at k = 0.
+
+        Parameters
+        ----------
+        output, input : str or int
+            Their names, labels or indices.
 
         Examples
         --------

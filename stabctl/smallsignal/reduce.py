@@ -65,6 +65,13 @@ def reduce(linear: Linear, order: int) -> Reduced:
 
     Raises `StudyError` if the model is sampled, has no inputs or no outputs, or `order` is not possible.
 
+    Parameters
+    ----------
+    linear : Linear
+        The model.
+    order : int
+        Number of states that remain.
+
     Examples
     --------
     >>> st.load("two_area").linearize(inputs="vref:2", outputs="speed:2").reduce(10).A.shape

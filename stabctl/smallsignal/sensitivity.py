@@ -39,6 +39,15 @@ SHOWN = 3  # parameters in the sentence
 class Effect(NamedTuple):
     """How a parameter changes a mode, per `step`: 1 % of its value, or 0.01 of its unit if it is 0.
 
+    Attributes
+    ----------
+    model, place, parameter : str, key, str
+        Model, machine, bus or load, and parameter.
+    value, unit, step : float, str, float
+        Its value and unit, and the step in this unit.
+    real, frequency_hz, damping_ratio : float
+        Changes of the real part (1/s), of the frequency (Hz) and of the damping ratio.
+
     Examples
     --------
     >>> first = st.load("two_area").modes().sensitivity("pss.K").rows[0]

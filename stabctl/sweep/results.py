@@ -27,6 +27,11 @@ DEFAULTS = {f.column: f.default for f in fields(Job).values()}
 class Results(Tabular):
     """The rows of a results file, in order; changes of the case are columns of their own in tables, as `pss.1.K`.
 
+    Attributes
+    ----------
+    rows : tuple of dict
+        A dictionary per job, by column.
+
     Examples
     --------
     >>> done = st.run_sweep("places.toml", "places.db", workers=1)

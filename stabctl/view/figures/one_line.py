@@ -50,7 +50,7 @@ def plot(base: "Case | OperatingPoint", *results: Any, ax: "Axes | None" = None)
     ----------
     base
         The system.
-    results
+    *results
         What is drawn on it: a `Mode` (arrows at the machines), `Areas` (machines colored by group), a `Screen` (lines
         colored by the critical clearing time of a fault at either end), a `Siting` (storage devices, by rating).
     ax

@@ -45,7 +45,7 @@ def plot(
     signal
         ``"speed"`` (Hz), ``"angle"`` (deg, from the center of inertia), ``"voltage"`` (pu, at the buses where storage
         connects), ``"power"`` (MW, electrical) or ``"storage"`` (MW, positive when absorbing).
-    others
+    *others
         Not allowed: one plot shows one signal.
     machines
         Names or numbers of the machines to show. Default: all.
