@@ -12,7 +12,6 @@ class StabctlError(Exception):
     ...     st.load("two_area").machine(5)
     ... except st.StabctlError as error:
     ...     print(error)
-    ...
     There is no machine 5 in two_area; its machines are 1, 2, 3, 4.
     """
 

@@ -65,21 +65,12 @@ class Mode:
 
     Attributes
     ----------
-    eigenvalue : complex, 1/s
-        Its value.
-    electromechanical : bool
-        Whether machines or converters swing against each other.
-    label : str
-        Its name.
-    participation : tuple of Share
-        The ten states that participate most.
-    shape : tuple of Part
-        How the rotors move.
+    eigenvalue, electromechanical, label, participation, shape
+        The value (1/s), whether machines swing against each other, the name, the ten main states, and the mode shape.
 
     Examples
     --------
-    >>> modes = st.load("two_area").modes()
-    >>> mode = modes.mode(modes.swings()[0])
+    >>> mode = st.load("two_area").modes().sensitivity("pss.K").mode
     >>> mode.label, round(mode.frequency_hz, 3), round(mode.damping_ratio, 3), mode.participation[0].state
     ('1, 2 against 3, 4', 0.611, 0.12, 'angle GENROU 3')
     """
@@ -116,21 +107,14 @@ class Modes:
 
     Attributes
     ----------
-    linear : Linear
-        The linear model.
-    eigenvalues : ndarray (modes), complex, 1/s
-        The eigenvalues.
-    right, left : ndarray (states, modes), complex
-        V and W.
-    band : pair of float, Hz, optional
-        Frequencies of the modes in `df`; all without it.
+    linear, eigenvalues, right, left, band
+        The model, the eigenvalues (1/s), V, W, and the frequencies (Hz) of the modes in `df`, or None for all.
 
     Examples
     --------
     >>> modes = st.load("two_area").modes()
-    >>> k = modes.swings()[0]
-    >>> print(modes.label(k), modes.frequency_hz[k].round(3), modes.damping_ratio[k].round(3))
-    1, 2 against 3, 4 0.611 0.12
+    >>> modes.stable, modes.frequency_hz[modes.swings()].round(3), modes.damping_ratio[modes.swings()].round(3)
+    (True, array([0.611, 1.263, 1.341]), array([0.12 , 0.362, 0.375]))
     """
 
     linear: Linear
@@ -303,8 +287,7 @@ class Modes:
 
         Examples
         --------
-        >>> loop = st.load("two_area").closed_loop(inputs="vref:2", outputs="speed:2")
-        >>> modes = loop.modes()
+        >>> modes = st.load("two_area").closed_loop(inputs="vref:2", outputs="speed:2").modes()
         >>> abs(modes.residues("speed:2", "vref:2"))[modes.swings()].round(4)
         array([0.0113, 0.2098, 0.0399])
         """
@@ -333,8 +316,7 @@ class Modes:
 
         Examples
         --------
-        >>> modes = st.load("two_area").closed_loop(inputs="vref:2", outputs="speed:2").modes()
-        >>> modes.to_control().nstates
+        >>> st.load("two_area").closed_loop(inputs="vref:2", outputs="speed:2").modes().to_control().nstates
         56
         """
         return (eliminated(self.linear) if isinstance(self.linear, Descriptor) else self.linear).to_control()

@@ -69,6 +69,13 @@ def parameters(one):
 
 
 @cache
+def written(page, file):
+    """The text of a file that a page writes."""
+    fences = tokens(ROOT / "docs" / f"{page}.md")
+    return next(fence.content for fence in fences if fence.info.endswith(f" {file}"))
+
+
+@cache
 def sections(one):
     """The NumPy sections of a docstring."""
     text = griffe.Docstring(inspect.cleandoc(one.__doc__), parser="numpy")
@@ -125,8 +132,7 @@ def test_everything_has_an_example():
 def test_example_runs_and_shows_what_comes_out(name, own_folder):  # noqa: F811
     """After `import stabctl as st`, in a folder with files that pages of the documentation write."""
     for page, file in FILES.items():
-        fences = (fence for fence in tokens(ROOT / "docs" / f"{page}.md") if fence.info.endswith(f" {file}"))
-        (own_folder / file).write_text(next(fences).content, encoding="utf-8")
+        (own_folder / file).write_text(written(page, file), encoding="utf-8")
     text = inspect.cleandoc(reference()[name].__doc__)
     test = doctest.DocTestParser().get_doctest(text, {"st": st}, name, None, None)
     report = []

@@ -1,6 +1,5 @@
 """What mkdocstrings does not know of the package: methods declared with `verb`, and the meaning of annotated fields."""
 
-import ast
 from importlib import import_module
 from typing import Any
 
@@ -25,10 +24,11 @@ def _fill(of: Any, package: griffe.Module, listed: frozenset[str]) -> None:
             module, _, function = str(member.value)[6:-2].partition(":")
             place = where(getattr(import_module(module), function)).removeprefix(f"{package.name}.")
             of.members[name] = _method(name, of, package[place], listed)
-        elif member.is_attribute and str(member.annotation).startswith("Annotated["):
-            _, unit, meaning, *_ = ast.parse(str(member.annotation), mode="eval").body.slice.elts  # type: ignore
-            if isinstance(meaning, ast.Constant) and not member.docstring and not _described(of):
-                text = meaning.value + f" ({unit.value})" * (unit.value != "-")
+        elif member.is_attribute and of.canonical_path in listed and not _described(of):
+            annotations = getattr(import_module(of.module.path), of.name).__annotations__
+            unit, meaning, *_ = (*getattr(annotations.get(name), "__metadata__", ()), "", "")
+            if isinstance(meaning, str) and meaning:
+                text = meaning + f" ({unit})" * (unit != "-")
                 member.docstring = griffe.Docstring(text, parent=member, parser="numpy")
         elif member.is_module or member.is_class:
             _fill(member, package, listed)
