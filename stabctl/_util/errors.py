@@ -4,16 +4,7 @@ LONGEST = 400  # characters of a word in a message
 
 
 class StabctlError(Exception):
-    """Base of every error a user can cause; its text is one sentence.
-
-    Examples
-    --------
-    >>> try:
-    ...     st.load("two_area").machine(5)
-    ... except st.StabctlError as error:
-    ...     print(error)
-    There is no machine 5 in two_area; its machines are 1, 2, 3, 4.
-    """
+    """Base of every error a user can cause; its text is one sentence."""
 
 
 class CaseError(StabctlError):

@@ -23,13 +23,14 @@ from stabctl.model.loads import Loads
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = {"extending": "pi_exciter.py", "from-matpower": "nine.m", "from-pst": "pair.m", "sweeps": "places.toml"}
-INTERNAL = {  # methods without an example
+INTERNAL = {  # without an example
     "Regulator.of_cost": "called by `lqr` and `lqg` with their cost",
     "Tuned.found": "called by `tune` with the result of its search",
     "LawLimits.exceeded": "called by `law` with what it measured",
     "LawLimits.kept": "called by `law` with what it measured",
     "LawLimits.score": "called by `law` with what it measured",
     "EstimatorControl.pilot": "called by simulations",
+    "StabctlError": "raised by stabctl only; the pages show how it is caught",
 }
 SLOW = {
     "Design.report", "LawDesign", "LawDesign.plot", "LawDesign.report", "LawDesign.save", "law",
