@@ -63,7 +63,7 @@ def pss(
         Time constant of the lag 1/(1+sTf) that filters the speed; 0: none.
     limits : pair of float, pu
         Limits of the output.
-    sensitivity : float, optional
+    sensitivity : float or None
         Bound of the largest sensitivity |S| of every loop; None: no bound.
     starts, seed : int
         Starts of the search, and their seed.

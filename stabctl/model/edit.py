@@ -29,7 +29,7 @@ def set_value(case: Case, path: str | Mapping[str, Any], value: Any = None) -> C
     path : str or mapping
         `table.key.column`: "pss.1.K", "machines.2.p", "loads.7.p", "branches.7-8#2.x", "storage.14@33.rating"; or
         "frequency_hz", "base_mva", "name", "title", "source". A mapping of paths to values changes all at once.
-    value : float, int or str
+    value : float, int or str, optional
         In the unit of the column, or text with a unit: "50MW", "100ms".
 
     Raises
@@ -261,7 +261,7 @@ def with_load(
         The system.
     bus : int
         Bus number.
-    p, q : float or str
+    p, q : float or str, optional
         Active (MW) and reactive (Mvar) power consumed, or text with a unit. A value that is omitted is unchanged, or 0
         for a new load.
     id : str, optional

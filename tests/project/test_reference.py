@@ -164,13 +164,16 @@ def test_parameters_are_those_of_the_signature(name):
 @each
 def test_types_and_defaults_are_those_of_the_signature(name):
     one = reference()[name]
+    headings = re.findall(r"^([*\w, ]+) : (.+)$", inspect.cleandoc(one.__doc__), re.MULTILINE)
+    typed = {each: words for names, words in headings for each in names.split(", ")}
     for given in sections(one).get("parameters", ()):
-        p = parameters(one)[given.name.lstrip("*")]
-        words, text = str(given.annotation or ""), f"{p}: {given.annotation}; {given.description}"
+        p, words = parameters(one)[given.name.lstrip("*")], typed.get(given.name, "")
+        text = f"{p}: {words}; {given.description}"
         for shown in re.findall(r"(?:by default|default:?) (-?[\d.]*\d|\"\w*\"|True|False|None)(?![\w.])", text):
             value = ast.literal_eval(shown)
             assert type(value) is not type(p.default) or value == p.default, text
-        assert "optional" not in words or p.default is None, text
+        if words and p.default not in ((), {}):
+            assert ("optional" in words) == (p.default is None), text
         top, deep, literals = types(annotation(one, p.name))
         quoted = set(re.findall(r'"([^"]*)"', words))
         assert not (quoted and literals) or quoted == literals, text

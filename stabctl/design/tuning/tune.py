@@ -70,9 +70,9 @@ def tune(
         Contingencies whose networks after clearing are networks, too: those that open several circuits.
     gains : iterable of float
         Factors of all gains with which the damping counts, too.
-    doubled : float, optional
+    doubled : float or None
         Damping ratio that must remain with doubled gains; None: not asked.
-    sensitivity : float, optional
+    sensitivity : float or None
         Bound of the largest sensitivity |S| of every loop, opened at its output with all others closed: 2 leaves a gain
         margin of at least 6 dB and a phase margin of 29 deg. None: no bound.
     disk_margin : float, optional
