@@ -83,7 +83,7 @@ def test_controllers_and_designs(base, call, says):
         (lambda run: run.save(None), "None is not the name of a file"),
         (lambda run: run.save("none/such/run.csv"), "There is no folder 'none/such'"),
         (lambda run: run.plot(ax=3), "ax = 3 is not a pair of axes"),
-        (lambda run: run.plot("speed", "voltage"), "One plot shows one signal, but 2 are given"),
+        (lambda run: run.plot("speed", "voltage"), "One plot shows one quantity, but 2 are given"),
         (lambda run: run.point.estimate(st.Contingency("7", clear="3cyc"), until=2, pmu=3), "pmu = 3"),
         (lambda run: run.point.linearize("vref:2", "speed:2").response("x"), "'x' is not a list of frequencies"),
         (lambda run: run.point.linearize("vref:2", "speed:2").save(None), "None is not the name of a file"),

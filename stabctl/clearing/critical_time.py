@@ -58,7 +58,7 @@ def clearing_time(
     contingency : Contingency or str
         The fault and the circuits opened to clear it; its own clearing time is ignored. A text is the fault
         location, such as "7-8@0.4".
-    storage, control, step, criterion
+    storage, control
         As in `simulate`.
     resolution, limit : str or float
         Spacing of the clearing times, and the longest one tried: "0.125cyc", or seconds.
@@ -72,6 +72,8 @@ def clearing_time(
         "4cyc", or seconds; with 0 only the fault half a cycle shorter is tried. By default 4 cycles above, and below as
         the last swings of the answer demand: 2 cycles, 1 if they are below 60 degrees and do not grow, and half a
         cycle if they decay or are below 30 degrees.
+    step, criterion
+        As in `simulate`.
     progress : callable, optional
         Called after every simulation.
 
@@ -83,6 +85,14 @@ def clearing_time(
     ------
     StudyError
         If the case lacks something named, or the grid has no points.
+
+    Examples
+    --------
+    >>> base = st.load("two_area").initialize()
+    >>> base.clearing_time("7-8@0.4").cycles
+    20.375
+    >>> base.clearing_time("7-8@0.4", storage="50MW", control=st.BangBang()).cycles
+    26.0
     """
     point = operating_point(base, storage)
     search = Search.of(

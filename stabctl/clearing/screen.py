@@ -93,6 +93,13 @@ def screen(
     ------
     StudyError
         If the grid has no points, there is no line to open, or the store or the cluster cannot be used.
+
+    Examples
+    --------
+    >>> screen = st.load("two_area").screen(below="10cyc")
+    >>> screen.df[["fault", "trip", "cycles", "machine"]]
+      fault trip  cycles  machine
+    0     7  7-8     9.0        4
     """
     point = operating_point(base, storage)
     search = Search.of(

@@ -59,6 +59,12 @@ class Screen:
         Number of simulations.
     wall_s : float, s
         Computing time.
+
+    Examples
+    --------
+    >>> screen = st.load("two_area").screen(below="10cyc")
+    >>> screen.screened, [(pair.fault, pair.trip, pair.cycles) for pair in screen.pairs]
+    (4, [('7', ('7-8',), 9.0)])
     """
 
     case: str
@@ -89,6 +95,12 @@ class Screen:
         ------
         StudyError
             If `longest` is not a time.
+
+        Examples
+        --------
+        >>> screen = st.load("two_area").screen()
+        >>> len(screen.pairs), len(screen.below("10cyc").pairs)
+        (4, 1)
         """
         limit = cycles(longest, self.frequency_hz)
         kept = (p for p in self.pairs if p.status == "unstable_at_zero" or (p.cycles is not None and p.cycles < limit))
@@ -102,7 +114,13 @@ class Screen:
         return max((p.observed_s for p in self.pairs), default=self.search.observed_s)
 
     def rows(self) -> list[tuple[str, str, float | None, str, int | str | None, str | None]]:
-        """A row of `COLUMNS` for every pair."""
+        """A row of `COLUMNS` for every pair.
+
+        Examples
+        --------
+        >>> st.load("two_area").screen(below="10cyc").rows()
+        [('7', '7-8', 9.0, 'found', 4, 'synchronism')]
+        """
         return [(p.fault, ", ".join(p.trip), p.cycles, p.status, p.machine, p.limited_by) for p in self.pairs]
 
     @property
@@ -132,6 +150,11 @@ class Screen:
         ------
         StudyError
             If the name does not end in .csv, or the file cannot be written.
+
+        Examples
+        --------
+        >>> st.load("two_area").screen(below="10cyc").save("screen.csv")
+        PosixPath('screen.csv')
         """
         path = files.path_of(path)
         if path.suffix.lower() != ".csv":

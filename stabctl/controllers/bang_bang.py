@@ -46,6 +46,12 @@ class BangBang(Law):
     ------
     StudyError
         For a negative or infinite value.
+
+    Examples
+    --------
+    >>> law = st.BangBang(deadband="50mHz", min_voltage=0.7)
+    >>> st.load("two_area").clearing_time("7-8@0.4", storage="50MW", control=law, resolution="1cyc").cycles
+    30.0
     """
 
     deadband: Annotated[float, "Hz", "speed deviation without action", NOT_NEGATIVE] = 0.1
@@ -56,5 +62,17 @@ class BangBang(Law):
         guard(self, omitted=False)
 
     def par(self, device: StorageDevice) -> Par:
-        """Parameters in pu."""
+        """Parameters in pu.
+
+        Parameters
+        ----------
+        device : StorageDevice
+            The device that receives the orders.
+
+        Examples
+        --------
+        >>> from stabctl.controllers.signals import StorageDevice
+        >>> st.BangBang().par(StorageDevice(rating=50, machine=900, frequency=60)).gate
+        0.8
+        """
         return Par(self.deadband / device.frequency, self.min_voltage)

@@ -100,6 +100,12 @@ class StorageLaw(Law):
     ------
     StudyError
         If a value is not allowed, or a machine is in two groups.
+
+    Examples
+    --------
+    >>> law = st.StorageLaw(("3+4",), angle_gain=2.0, deadband="50mHz", min_voltage=0.5)
+    >>> st.load("two_area").clearing_time("7-8@0.4", storage="50MW", control=law, resolution="1cyc").cycles
+    34.0
     """
 
     groups: Any = ()
@@ -132,7 +138,19 @@ class StorageLaw(Law):
         return self.angle_gain != 0
 
     def par(self, device: StorageDevice) -> Par:
-        """Parameters in pu."""
+        """Parameters in pu.
+
+        Parameters
+        ----------
+        device : StorageDevice
+            The device that receives the orders.
+
+        Examples
+        --------
+        >>> from stabctl.controllers.signals import StorageDevice
+        >>> st.StorageLaw().par(StorageDevice(rating=50, machine=900, frequency=60)).gate
+        0.8
+        """
         f, rating = device.frequency, device.rating / device.system
         back = self.return_time > 0 and rating > 0
         return Par(
@@ -149,7 +167,20 @@ class StorageLaw(Law):
         )
 
     def gains(self, device: StorageDevice) -> tuple[float, float, float]:
-        """Slopes of the order, as in `Law.gains`."""
+        """Slopes of the order, as in `Law.gains`.
+
+        Parameters
+        ----------
+        device : StorageDevice
+            The device that receives the orders.
+
+        Examples
+        --------
+        >>> from stabctl.controllers.signals import StorageDevice
+        >>> device = StorageDevice(rating=50, machine=900, frequency=60)
+        >>> [round(slope) for slope in st.StorageLaw(slope=0.1).gains(device)]
+        [600, 0, 0]
+        """
         if not self.slope:
             return 0.0, 0.0, 0.0
         par = self.par(device)

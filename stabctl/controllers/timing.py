@@ -26,6 +26,13 @@ class Gate:
         Compare the magnitude of the signal.
     start, end : float, s
         The gate is open only from `start` to `end`.
+
+    Examples
+    --------
+    >>> gate = st.Gate("voltage:7", low=0.8)
+    >>> pod = st.Controller("deviation:1", "order:1@5", [], [], [], [[100.0]], gate=gate)
+    >>> st.load("two_area").clearing_time("7-8@0.4", storage="1=50MW", control=pod, resolution="1cyc").cycles
+    20.0
     """
 
     signal: str | None = None

@@ -143,6 +143,13 @@ class Evidence:
         Step responses of the closed loop, and of every controller alone.
     checks
         Nonlinear checks: clearing times.
+
+    Examples
+    --------
+    >>> base = st.load("two_area_thyristor").initialize(storage="3@11=50MW")
+    >>> found = st.design.evidence(st.design.pod(base, "deviation:3", "order:3@11", damping=0.05))
+    >>> round(found.margins.delay, 2), found.margins.gain_up
+    (0.35, inf)
     """
 
     design: Design
@@ -209,6 +216,14 @@ def evidence(design: Design, checks: Iterable[Contingency | str] = ()) -> Eviden
     ------
     StudyError
         If it is not a design, a controller is a Python function, or a contingency does not fit the case.
+
+    Examples
+    --------
+    >>> base = st.load("two_area_thyristor").initialize(storage="3@11=50MW")
+    >>> found = st.design.pod(base, "deviation:3", "order:3@11", damping=0.05)
+    >>> print(st.design.evidence(found))
+    1 controller: smallest damping ratio of 0.1 to 3 Hz: -0.0087 without, 0.0500 with.
+    stable with less than 353.3 ms more delay, and with 0.148 to inf times the gains
     """
     if not isinstance(design, Design):
         raise StudyError(

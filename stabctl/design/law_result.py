@@ -52,6 +52,11 @@ class LawLimits:
         Smallest deadband, above the noise of the speeds.
     return_within : float, s
         Time after which the devices have their energy back, within 5 % of what they used; 0: no return.
+
+    Examples
+    --------
+    >>> st.design.LawLimits(energy="150kWh", return_within="60s")
+    LawLimits(energy=150.0, switchings=2, coi=None, voltage=0.0, min_voltage=0.5, deadband=0.02, return_within=60.0)
     """
 
     energy: Annotated[float | None, "kWh", "energy of all devices", POSITIVE] = None
@@ -190,6 +195,14 @@ class LawDesign:
         Laws that were tried, simulations, and computing time (s).
     no_limit_cycle
         Whether the law has no stable limit cycle at the operating point.
+
+    Examples
+    --------
+    >>> limits = st.design.LawLimits(return_within=0)
+    >>> options = {"resolution": "2cyc", "scan": 0, "observe": "2s"}
+    >>> found = st.design.law(st.load("two_area"), "7-8@0.4", storage="50MW", limits=limits, **options)
+    >>> found.kept, found.gain.median
+    (True, 8.0)
     """
 
     case: str
@@ -255,6 +268,13 @@ class LawDesign:
         ------
         StudyError
             If the file cannot be written.
+
+        Examples
+        --------
+        >>> options = {"resolution": "4cyc", "scan": 0, "observe": "1s", "longest": 0}
+        >>> found = st.design.law(st.load("two_area").classical(), "7-8@0.4", storage="50MW", **options)
+        >>> found.save("law.toml")
+        PosixPath('law.toml')
         """
         return Path(self.law.save(path))
 

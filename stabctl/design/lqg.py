@@ -87,7 +87,7 @@ def lqg(
     limits : pair of float, optional
         Limits of the outputs. The design ignores them, and the estimator takes every output as given in full, so its
         states are wrong while an output is at a limit; check such a regulator by simulation.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
     name : str
         Name of the controller.
@@ -101,6 +101,14 @@ def lqg(
     ------
     StudyError
         If the system cannot be stabilized with these inputs and measurements.
+
+    Examples
+    --------
+    >>> found = st.design.lqg(st.load("two_area_thyristor"), storage="50MW", delay="50ms")
+    >>> print(found)
+    1 controller: smallest damping ratio of 0.1 to 3 Hz: -0.0087 without, 0.1015 with.
+    all states: damping ratio 0.1015, gain margin 0.5 to any, delay margin 253 ms
+    given inputs: damping ratio 0.1015, gain margin 0.537 to 7.28, delay margin 253 ms
     """
     point = operating_point(base, storage)
     drives, weights = driven(point, outputs), Weights(speed, angle, effort)

@@ -56,7 +56,7 @@ def lqr(
         Angle to the COI that counts as much as one `effort`; by default angles are free.
     effort : float
         Size of an output, in the unit of the input driven (ratings, for orders).
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
     limits : pair of float, optional
         Limits of the outputs.
@@ -72,6 +72,11 @@ def lqr(
     ------
     StudyError
         If the system cannot be stabilized with these inputs.
+
+    Examples
+    --------
+    >>> print(st.design.lqr(st.load("two_area_thyristor"), storage="50MW", speed="100mHz"))
+    1 controller: smallest damping ratio of 0.1 to 3 Hz: -0.0087 without, 0.1015 with.
     """
     point = operating_point(base, storage)
     drives, reads = driven(point, outputs), () if inputs is None else chosen(point.case, inputs, OUTPUTS)

@@ -75,6 +75,13 @@ class Optimum(Tabular):
         Limits of the orders.
     simulations, wall_s
         Number of simulations, and computing time (s).
+
+    Examples
+    --------
+    >>> options = {"resolution": "1cyc", "window": "1s", "rate": 20, "iterations": 3}
+    >>> found = st.design.optimum(st.load("two_area"), "7-8@0.4", storage="50MW", **options)
+    >>> found.start.cycles, found.cycles, found.ended
+    (26.0, 28.0, 'iterations')
     """
 
     case: str
@@ -200,7 +207,7 @@ def optimum(
         The system; a case is initialized first.
     contingency : Contingency or str
         The fault and the circuits opened to clear it, as in `clearing_time`.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
     law : BangBang
         Law with which the search begins, and which takes over after the schedule; a device is idle below its lowest
@@ -228,6 +235,12 @@ def optimum(
     StudyError
         If there is no storage, an argument is not allowed, or the fault is not survived, or survived up to the limit,
         under the law alone.
+
+    Examples
+    --------
+    >>> options = {"resolution": "1cyc", "window": "1s", "rate": 20, "iterations": 3}
+    >>> st.design.optimum(st.load("two_area"), "7-8@0.4", storage="50MW", **options).cycles
+    28.0
     """
     began, point = time.perf_counter(), operating_point(base, storage)
     case = point.case

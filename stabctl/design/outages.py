@@ -28,6 +28,12 @@ class Outages:
         Branch that is out of each; "" of the intact system.
     left_out
         Branches without which there is no operating point, and why.
+
+    Examples
+    --------
+    >>> found = st.design.outages(st.load("wscc9"))
+    >>> found.names, found.left_out[0]
+    (('', '4-5', '4-6', '5-7', '6-9', '7-8', '8-9'), ('1-4', 'the network would be split'))
     """
 
     points: tuple[OperatingPoint, ...]
@@ -65,7 +71,7 @@ def outages(base: Case | OperatingPoint, *, storage: "Fleet | None" = None) -> O
     base : Case or OperatingPoint
         The system. The power flow is solved again without each of its branches in turn (lines and transformers; equal
         circuits side by side count once).
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
 
     Returns
@@ -77,6 +83,11 @@ def outages(base: Case | OperatingPoint, *, storage: "Fleet | None" = None) -> O
     ------
     StudyError
         If no outage has an operating point.
+
+    Examples
+    --------
+    >>> print(st.design.outages(st.load("wscc9")))
+    wscc9 and 6 outages; left out because the network would be split: 1-4, 2-7, 3-9.
     """
     intact = operating_point(base, storage)
     case = intact.case

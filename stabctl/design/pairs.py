@@ -48,6 +48,12 @@ class Pairs(Tabular):
         Availability of every pair (inputs, outputs), with the delay.
     scores
         Score of every pair (inputs, outputs), 1/s.
+
+    Examples
+    --------
+    >>> found = st.design.pairs(st.load("two_area_thyristor"), "flow, deviation", storage="3@11=50MW")
+    >>> print(found.best, found.scores.max().round(4), round(found.mode_hz, 3))
+    ('flow:7-8', 'order:3@11') 0.0925 0.608
     """
 
     case: str
@@ -138,7 +144,7 @@ def pairs(
     ranges : mapping of str to float, optional
         What an input, or all of a kind, may be given, in its unit; by default 1 for orders, 0.1 for "vs", 0.05 for
         "vref" and "pref", and 0.1 for others.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
 
     Returns
@@ -149,6 +155,12 @@ def pairs(
     ------
     StudyError
         If there is no such signal or mode, or no input to drive.
+
+    Examples
+    --------
+    >>> case = st.load("two_area_thyristor")
+    >>> st.design.pairs(case, storage="50MW", delay={"deviation": "100ms"}).best
+    ('flow:7-8', 'order:3@11')
     """
     point = operating_point(base, storage)
     reads = chosen(point.case, inputs, OUTPUTS)

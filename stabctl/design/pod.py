@@ -89,7 +89,7 @@ def pod(
         Time constant of the washout.
     limits : pair of float, optional
         Limits of the output, in the unit of the input driven.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
     name : str
         Name of the controller.
@@ -102,6 +102,12 @@ def pod(
     ------
     StudyError
         If there is no such signal, or the mode cannot be damped with it.
+
+    Examples
+    --------
+    >>> base = st.load("two_area_thyristor").initialize(storage="3@11=50MW")
+    >>> print(st.design.pod(base, "deviation:3", "order:3@11", damping=0.05, rate=60, delay="100ms"))
+    1 controller: smallest damping ratio of 0.1 to 3 Hz: -0.0087 without, 0.0500 with.
     """
     points = operating_points(base, storage)
     hz = None if mode is None else hertz(mode)

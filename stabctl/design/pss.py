@@ -63,7 +63,7 @@ def pss(
         Time constant of the lag 1/(1+sTf) that filters the speed; 0: none.
     limits : pair of float, pu
         Limits of the output.
-    sensitivity : float, optional
+    sensitivity : float or None
         Bound of the largest sensitivity |S| of every loop; None: no bound.
     starts, seed : int
         Starts of the search, and their seed.
@@ -79,7 +79,9 @@ def pss(
 
     Examples
     --------
-    >>> st.design.pss(st.load("two_area_thyristor"), [1, 3], damping=0.1)
+    >>> found = st.design.pss(st.load("two_area_thyristor"), [1, 3], damping=0.1, starts=1)
+    >>> found.reached, len(found.controllers)
+    (True, 2)
     """
     Tw = duration("washout", washout)
     shape: dict[str, Any] = {"stages": stages, "gain": gain, "fast": fast, "washout": (Tw, Tw), "limits": limits}
@@ -110,6 +112,12 @@ def gep(base: "Case | OperatingPoint", machine: int, *, others: Others = "held")
     ------
     StudyError
         If there is no such machine, or it has no exciter.
+
+    Examples
+    --------
+    >>> model = st.design.gep(st.load("two_area"), 1)
+    >>> abs(model.response([0.5, 1.0])).ravel().round(2)
+    array([2.27, 2.35])
     """
     if others not in ("held", "free"):
         raise StudyError(f"others = {shown(others)} is not allowed; choose 'held' or 'free'.")

@@ -165,6 +165,12 @@ class Regulator(Design):
         Margins of the feedback of all states.
     own
         Margins of the regulator itself, in the full model.
+
+    Examples
+    --------
+    >>> found = st.design.lqr(st.load("two_area_thyristor"), inputs="angle, speed", storage="50MW")
+    >>> round(found.full.damping, 3), round(found.own.damping, 3)
+    (0.102, 0.102)
     """
 
     full: Robustness | None = None

@@ -50,6 +50,15 @@ class Design:
         What else a user must know, as sentences.
     replaced
         Modes of each operating point with the stabilizers of the case that the controllers replace; empty if none.
+
+    Examples
+    --------
+    >>> base = st.load("two_area_thyristor").initialize(storage="3@11=50MW")
+    >>> found = st.design.pod(base, "deviation:3", "order:3@11", damping=0.05)
+    >>> print(found)
+    1 controller: smallest damping ratio of 0.1 to 3 Hz: -0.0087 without, 0.0500 with.
+    >>> found.reached, found.controller
+    (True, pod: deviation:3 -> order:3@11 (2 states, continuous))
     """
 
     controllers: tuple[Controller, ...]
@@ -81,6 +90,13 @@ class Design:
         Returns
         -------
         Design
+
+        Examples
+        --------
+        >>> base = st.load("two_area_thyristor").initialize(storage="50MW")
+        >>> pod = st.Controller("deviation:1", "order:1@5", [], [], [], [[500.0]])
+        >>> print(st.design.Design.of([base], [pod], short=0.0))
+        1 controller: smallest damping ratio of 0.1 to 3 Hz: -0.0087 without, 0.0755 with.
         """
         before = tuple(closed_loop(point).modes() for point in points)
         after = tuple(closed_loop(point, *controllers).modes() for point in points)
@@ -164,6 +180,12 @@ class Design:
         ------
         StudyError
             If a file cannot be written.
+
+        Examples
+        --------
+        >>> base = st.load("two_area_thyristor").initialize(storage="3@11=50MW")
+        >>> st.design.pod(base, "deviation:3", "order:3@11", damping=0.05).save("pod.toml")
+        (PosixPath('pod.toml'),)
         """
         path = files.path_of(path)
         if len(self.controllers) == 1:

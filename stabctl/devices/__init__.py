@@ -108,6 +108,13 @@ def register(path: str | Path) -> str:
     ------
     StudyError
         If the file cannot be read, is not a device, or has the name of a packaged device.
+
+    Examples
+    --------
+    >>> st.register("pi_exciter.py")
+    'pi_exciter'
+    >>> st.load("two_area").with_device("pi_exciter", 1, TR=0.01, KP=20, KI=5).devices["pi_exciter"][1].KP
+    20.0
     """
     if not isinstance(path, str | Path):
         raise StudyError(

@@ -50,6 +50,12 @@ class OperatingPoint:
         The state that takes part most in this eigenvalue; -1: none.
     stages
         Factorized networks of the simulations so far, by what is switched.
+
+    Examples
+    --------
+    >>> base = st.load("two_area").initialize()
+    >>> base.inertia.round(1), abs(base.V[:4]).round(3)
+    (array([58.5, 58.5, 55.6, 55.6]), array([1.03, 1.01, 1.03, 1.01]))
     """
 
     case: Case
@@ -105,7 +111,21 @@ class OperatingPoint:
         return self.rotor_island[:, None] == np.unique(self.rotor_island)
 
     def from_center(self, of_rotors: np.ndarray, weight: np.ndarray) -> np.ndarray:
-        """Values less their weighted mean over the island of each rotor, both (..., rotor units)."""
+        """Values less their weighted mean over the island of each rotor, both (..., rotor units).
+
+        Parameters
+        ----------
+        of_rotors : ndarray (..., rotor units)
+            The values.
+        weight : ndarray (..., rotor units)
+            Their weights, such as `inertia`.
+
+        Examples
+        --------
+        >>> base = st.load("two_area").initialize()
+        >>> base.from_center(base.rotor_angle, base.inertia).round(3)
+        array([ 0.316,  0.128, -0.137, -0.331])
+        """
         mean = (weight * of_rotors) @ self.members / np.maximum(weight @ self.members, 1e-9)
         return of_rotors - mean @ self.members.T
 
@@ -153,6 +173,12 @@ class OperatingPoint:
             Rows of the units in the tables of the case.
         parameters : dict of str to ndarray (devices)
             The parameters by name, in the units of the model.
+
+        Examples
+        --------
+        >>> rows, parameters = st.load("two_area").initialize().constants("genrou")
+        >>> parameters["H"]
+        array([6.5  , 6.5  , 6.175, 6.175])
         """
         names = devices.every()[table].Par._fields
         if not self.system.has(table):
@@ -171,11 +197,27 @@ class OperatingPoint:
         Returns
         -------
         sparse matrix (buses, buses), complex, pu on the system base
+
+        Examples
+        --------
+        >>> st.load("two_area").initialize().admittance().shape
+        (11, 11)
         """
         return self.admittances(switching).matrix(len(self.V))
 
     def admittances(self, switching: network.Switching = network.UNSWITCHED) -> network.Entries:
-        """The entries of `admittance`, for the same arguments."""
+        """The entries of `admittance`.
+
+        Parameters
+        ----------
+        switching : Switching
+            What is out of service; nothing by default.
+
+        Examples
+        --------
+        >>> st.load("two_area").initialize().admittances().rows.shape
+        (74,)
+        """
         own = source_admittances(self.system)
         own[list(switching.tripped)] = 0
         bus, more = storage_admittances(self.system)
@@ -183,7 +225,18 @@ class OperatingPoint:
         return network.entries(self.net, switching).joined(np.concatenate([self.system.fixed, own, more]), at)
 
     def real_admittance(self, switching: network.Switching = network.UNSWITCHED) -> Matrix:
-        """The same in real form (2n, 2n), real and imaginary parts interleaved; dense if the system is small."""
+        """The same in real form (2n, 2n), real and imaginary parts interleaved; dense if the system is small.
+
+        Parameters
+        ----------
+        switching : Switching
+            What is out of service; nothing by default.
+
+        Examples
+        --------
+        >>> st.load("two_area").initialize().real_admittance().shape
+        (22, 22)
+        """
         values, *at = self.admittances(switching).real()
         return matrix(values, (at[0], at[1]), (2 * len(self.V),) * 2, self.equations.small)
 
@@ -198,6 +251,12 @@ class OperatingPoint:
         Returns
         -------
         OperatingPoint
+
+        Examples
+        --------
+        >>> base = st.load("two_area").initialize(storage="1=50MW")
+        >>> base.resized([20]).case.storage[0].rating
+        20.0
         """
         pairs = zip(self.case.storage, ratings, strict=True)
         case = fleet.extended(self.case, (fleet.resized(s, float(rating)) for s, rating in pairs))
@@ -220,7 +279,7 @@ def operating_point(base: Case | OperatingPoint, storage: Fleet | None = None) -
     Parameters
     ----------
     base : Case or OperatingPoint
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Devices in place of the case's own: a rating at every machine ("50MW", "5%mva", "5%dispatch"), ratings at
         some ("14=50MW,13@33=20MW" or {14: "50MW"}; numbers are MW), rows, or "none".
 
@@ -243,7 +302,7 @@ def initialize(case: Case, storage: Fleet | None = None) -> OperatingPoint:
     Parameters
     ----------
     case : Case
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own; see `operating_point`.
 
     Returns
@@ -254,6 +313,12 @@ def initialize(case: Case, storage: Fleet | None = None) -> OperatingPoint:
     ------
     PowerFlowError, EquilibriumError
         If the power flow has no solution, or a device has no equilibrium there.
+
+    Examples
+    --------
+    >>> base = st.load("two_area").initialize(storage="50MW")
+    >>> [device.bus for device in base.case.storage]
+    [5, 6, 11, 10]
     """
     if not isinstance(case, Case):
         raise StudyError(f"{shown(case)} is not a case; give one, such as st.load('two_area').")

@@ -48,7 +48,7 @@ def estimate(
         The disturbance, as in `simulate`. By default there is none.
     until : str or float, optional
         End of the simulation: "10s", or seconds; by default 5 s after the last event.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
     control : control law, Controller, list of them, or EstimatorControl, optional
         The control law of the storage devices, with estimated speeds, `BangBang()` by default, and controllers. An
@@ -72,6 +72,12 @@ def estimate(
     ------
     StudyError
         For invalid arguments, and if the simulation ends before its last event.
+
+    Examples
+    --------
+    >>> base = st.load("two_area").classical().initialize(storage="50MW")
+    >>> print(base.estimate(st.Contingency("7", clear="8cyc", trip="7-8"), "3s", seeds=[1, 2]))
+    two_area, kalman estimator: 180 frames at 60 per second, 2 seeds
     """
     point = operating_point(base, storage)
     hz = point.case.frequency_hz

@@ -83,6 +83,13 @@ class Estimates(Tabular):
         PMUs found to be bad, or consistent again.
     frames : tuple of Frame
         The reports, beginning with a second in steady state before the run.
+
+    Examples
+    --------
+    >>> base = st.load("two_area").classical().initialize(storage="50MW")
+    >>> found = base.estimate(st.Contingency("7", clear="8cyc", trip="7-8"), "3s")
+    >>> found.deviation.shape, found.runs[0].outcome.stable
+    ((180, 1, 4), True)
     """
 
     point: OperatingPoint
@@ -138,6 +145,12 @@ class Estimates(Tabular):
         Returns
         -------
         int
+
+        Examples
+        --------
+        >>> base = st.load("two_area").classical().initialize(storage="50MW")
+        >>> base.estimate(st.Contingency("7", clear="8cyc"), "2s").count_commands(before=1.1)
+        11
         """
         return int(np.count_nonzero(self.estimated_commands[self.time < before - 1e-9]))
 
@@ -172,6 +185,13 @@ class Estimates(Tabular):
         ------
         StudyError
             If no machine was in synchronism between these instants.
+
+        Examples
+        --------
+        >>> base = st.load("two_area").classical().initialize(storage="50MW")
+        >>> found = base.estimate(st.Contingency("7", clear="8cyc"), "2s")
+        >>> round(found.accuracy_between(1.2, 2.0).rmse_mhz, 1)
+        3.1
         """
         rows = (self.time >= since - 1e-9) & (self.time <= until + 1e-9)
         on = self.on[rows]

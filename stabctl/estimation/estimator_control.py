@@ -41,6 +41,13 @@ class EstimatorControl:
         Multiply every H and x that the estimator uses, to study wrong machine data or to mend them (`Estimates.fit`).
     check_pmus : bool
         Find bad PMUs with the network model, and use them no longer.
+
+    Examples
+    --------
+    >>> late = st.EstimatorControl(st.BangBang(), "kalman", st.Pmu(latency="100ms"))
+    >>> fault = st.Contingency("7", clear="10cyc", trip="7-8")
+    >>> st.load("two_area").simulate(fault, "5s", storage="50MW", control=late).outcome.stable
+    True
     """
 
     control: Law | Controller | Sequence[Law | Controller] = field(default_factory=BangBang)

@@ -84,6 +84,16 @@ def fit(found: "Estimates") -> Fit:
     ------
     StudyError
         Without reports.
+
+    Examples
+    --------
+    >>> wrong = st.EstimatorControl(inertia_factor=1.2)
+    >>> fault = st.Contingency("7", clear="11cyc", trip="7-8")
+    >>> print(st.load("two_area").estimate(fault, "2.5s", storage="50MW", control=wrong).fit())
+    machine 1: inertia x 0.839 +- 0.017, reactance x 0.971 +- 0.039
+    machine 2: inertia x 0.839 +- 0.010, reactance x 1.010 +- 0.018
+    machine 3: inertia x 0.833 +- 0.013, reactance x 0.999 +- 0.030
+    machine 4: inertia x 0.865 +- 0.020, reactance x 0.955 +- 0.041
     """
     if not found.frames:
         raise StudyError("There are no reports to fit; call estimate(...).fit().")

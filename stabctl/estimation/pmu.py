@@ -54,6 +54,14 @@ class BadPmu:
     ------
     StudyError
         For a value out of range.
+
+    Examples
+    --------
+    >>> pmu = st.Pmu(bad=(st.BadPmu(3, "0.5s", jump="5deg"),))
+    >>> control = st.EstimatorControl(pmu=pmu, check_pmus=True)
+    >>> found = st.load("two_area").estimate(st.Contingency("7", clear="6cyc"), "2s", storage="50MW", control=control)
+    >>> [(alarm.machine, alarm.time_s) for alarm in found.alarms]
+    [(3, 0.5)]
     """
 
     machine: int
@@ -100,6 +108,12 @@ class Pmu:
     ------
     StudyError
         For a rate that is not in the standard, and for values out of range.
+
+    Examples
+    --------
+    >>> pmu = st.Pmu(rate=30, latency="100ms", loss=0.05, missing=(2,))
+    >>> round(pmu.tve, 5)
+    0.00283
     """
 
     rate: Annotated[int, "-", "reports per second"] = 60
@@ -140,6 +154,11 @@ class Pmu:
         ------
         StudyError
             For a value out of range.
+
+        Examples
+        --------
+        >>> st.Pmu.noisy(60, noise_mrad=5, latency_ms=100, loss=0.02).angle
+        0.005
         """
         return cls(rate, angle=1e-3 * noise_mrad, magnitude=1e-3 * noise_mrad, latency=1e-3 * latency_ms, loss=loss)
 
@@ -157,6 +176,11 @@ class Pmu:
         Returns
         -------
         Pmu
+
+        Examples
+        --------
+        >>> st.Pmu.exact(latency="100ms").latency
+        0.1
         """
         none: dict[str, Any]
         none = dict.fromkeys(("angle", "magnitude", "frequency", "rocof", "clock", "latency", "loss"), 0.0)
@@ -186,6 +210,11 @@ class Pmu:
         Returns
         -------
         int, frames
+
+        Examples
+        --------
+        >>> st.Pmu(filter_class="M").own_frames(60)
+        3
         """
         return round(HALF_WINDOW[self.filter_class] * self.rate / hz)
 
@@ -200,6 +229,11 @@ class Pmu:
         Returns
         -------
         int, frames
+
+        Examples
+        --------
+        >>> st.Pmu(latency="100ms").remote_frames(60)
+        6
         """
         return self.own_frames(hz) + ceil(self.latency * self.rate - 1e-9)
 

@@ -62,6 +62,13 @@ def load(path: str | Path) -> Controller | Law:
     ------
     StudyError
         If the file cannot be read, or a value is not allowed; names the file and the key.
+
+    Examples
+    --------
+    >>> st.Controller("deviation:1", "order:1@5", [], [], [], [[100.0]], name="pod").save("pod.toml")
+    PosixPath('pod.toml')
+    >>> print(st.load_controller("pod.toml"))
+    pod: deviation:1 -> order:1@5 (0 states, continuous)
     """
     path = files.path_of(path)
     content = toml_file.read(path, "controller file")
@@ -138,7 +145,20 @@ def _law(content: Mapping[str, Any], path: Path) -> Law:
 
 
 def save_controller(controller: Controller, path: str | Path) -> Path:
-    """Write a controller to a file ending in .toml, and return its path. Raises `StudyError` for a Python function."""
+    """Write a controller to a file, and return its path. Raises `StudyError` for a Python function.
+
+    Parameters
+    ----------
+    controller : Controller
+        The controller.
+    path : str or Path
+        File to write, ending in .toml.
+
+    Examples
+    --------
+    >>> st.Controller("deviation:1", "order:1@5", [], [], [], [[100.0]]).save("pod.toml")
+    PosixPath('pod.toml')
+    """
     path = toml_file.target(path)
     if controller.law is not None:
         raise StudyError(f"{controller.name} is a Python function, which cannot be saved to a file; keep its script.")

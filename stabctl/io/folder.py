@@ -85,7 +85,13 @@ def find(name: str | Path) -> Path:
 
 
 def packaged() -> list[str]:
-    """Names of the cases that come with the package."""
+    """Names of the cases that come with the package.
+
+    Examples
+    --------
+    >>> st.cases()[:2]
+    ['ieee39', 'two_area']
+    """
     return sorted(p.parent.name for p in PACKAGED.glob("*/case.toml"))
 
 
@@ -265,6 +271,11 @@ def write(case: Case, folder: str | Path) -> Path:
         If the folder contains tables that the case does not have, which `load` would read as well.
     StudyError
         If a file cannot be written; files written before are complete.
+
+    Examples
+    --------
+    >>> st.write(st.load("two_area").set("name", "mine"), "mine")
+    PosixPath('mine')
     """
     case, folder = as_case(case), files.path_of(folder)
     texts = {}

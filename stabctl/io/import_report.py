@@ -62,6 +62,12 @@ class ImportReport(Tabular):
         Data outside the usual ranges.
     failures : tuple of str
         Why a check has no result, one sentence each.
+
+    Examples
+    --------
+    >>> report = st.import_report("three.raw", check=False)
+    >>> report.complete, report.records, report.supported, len(report.corrections)
+    (True, 5, 5, 2)
     """
 
     case: Case
@@ -161,6 +167,12 @@ def import_report(
         For the first mistake in a file, with line and field.
     StudyError
         If the first file ends in neither .raw nor .m, or if a DYR file is given with the latter.
+
+    Examples
+    --------
+    >>> report = st.import_report("three.raw", "three.dyr", check=False)
+    >>> report.complete
+    True
     """
     read: psse.Import | pst.Import | matpower.Import
     kinds: tuple[Kind, ...] = ()

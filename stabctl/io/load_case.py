@@ -57,6 +57,12 @@ def load(
         For the first error, with file, row or line, column or field, value and what is allowed.
     StudyError
         If an argument does not apply.
+
+    Examples
+    --------
+    >>> case = st.load("two_area", loads="impedance")
+    >>> len(case.buses), case.frequency_hz
+    (11, 60.0)
     """
     ending = Path(name).suffix.lower() if isinstance(name, str | Path) and "\0" not in str(name) else ""
     given: dict[str, Any] = {"dyr": dyr}

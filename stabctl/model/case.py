@@ -21,11 +21,13 @@ class Case(Tables):
     ----------
     name : str
         Name of the case.
-    buses, branches, machines, loads, links, storage : iterable of Bus, Branch, Machine, Load, Link, Storage
+    buses, branches, machines : iterable of Bus, Branch, Machine
         The tables.
     devices : mapping of str to mapping
         For each model (`genrou`, `pss` ...) a mapping from key to parameters. The key is the machine number, or the bus
         number for load models; the second device of a model at machine 2 has the key "2#2".
+    loads, links, storage : iterable of Load, Link, Storage
+        More tables, which may be empty.
     base_mva : float, MVA
         System base.
     frequency_hz : float, Hz
@@ -39,6 +41,12 @@ class Case(Tables):
     ------
     CaseError
         For the first error, with table, row, column, value and what is allowed.
+
+    Examples
+    --------
+    >>> case = st.load("two_area")
+    >>> [row.machine for row in case.machines], case.loads[0].p, case.devices["sexs"][1].KA
+    ([1, 2, 3, 4], 967.0, 200.0)
     """
 
     def __post_init__(self) -> None:
@@ -69,6 +77,11 @@ class Case(Tables):
         ------
         StudyError
             If there is no such machine.
+
+        Examples
+        --------
+        >>> st.load("two_area").machine(2).p
+        700.0
         """
         found = naming.machine_number(self, number) if isinstance(number, str) else number
         for m in self.machines:

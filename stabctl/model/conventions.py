@@ -66,6 +66,11 @@ def with_conventions(case: Case, name: Conventions) -> Case:
     ------
     StudyError
         If the name is none of these.
+
+    Examples
+    --------
+    >>> st.load("two_area").with_conventions("book").devices["genrou"][1].speed_factor
+    0
     """
     case = as_case(case)
     if name not in KNOWN:

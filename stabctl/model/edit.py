@@ -29,7 +29,7 @@ def set_value(case: Case, path: str | Mapping[str, Any], value: Any = None) -> C
     path : str or mapping
         `table.key.column`: "pss.1.K", "machines.2.p", "loads.7.p", "branches.7-8#2.x", "storage.14@33.rating"; or
         "frequency_hz", "base_mva", "name", "title", "source". A mapping of paths to values changes all at once.
-    value : float, int or str
+    value : float, int or str, optional
         In the unit of the column, or text with a unit: "50MW", "100ms".
 
     Raises
@@ -41,7 +41,8 @@ def set_value(case: Case, path: str | Mapping[str, Any], value: Any = None) -> C
 
     Examples
     --------
-    >>> case.set("pss.1.K", 10).set("machines.2.p", "0.65GW")
+    >>> st.load("two_area").set("pss.1.K", 10).set("machines.2.p", "0.65GW").machine(2).p
+    650.0
     """
     if not isinstance(path, str | Mapping):
         raise not_a_path(path)
@@ -150,7 +151,9 @@ def with_device(case: Case, model: str, at: int | str | Iterable[int | str], **v
 
     Examples
     --------
-    >>> case.with_device("pss", 2, K=20, Tw="10s", T1=0.05, T2=0.02, T3=3.0, T4=5.4)
+    >>> case = st.load("two_area_thyristor").with_device("pss", 2, K=20, Tw="10s", T1=0.05, T2=0.02, T3=3.0, T4=5.4)
+    >>> case.devices["pss"][2].K
+    20.0
     """
     _known(model)
     known, places = fields(tables.models()[model].Par), _places(case, model, at)
@@ -191,6 +194,11 @@ def without_device(case: Case, model: str, at: int | str | Iterable[int | str] |
         If the case has no such device.
     CaseError
         If the case would not be valid without it.
+
+    Examples
+    --------
+    >>> list(st.load("two_area").without_device("pss").devices)
+    ['genrou', 'sexs', 'tgov']
     """
     _known(model)
     naming.known_table(case, model)
@@ -253,7 +261,7 @@ def with_load(
         The system.
     bus : int
         Bus number.
-    p, q : float or str
+    p, q : float or str, optional
         Active (MW) and reactive (Mvar) power consumed, or text with a unit. A value that is omitted is unchanged, or 0
         for a new load.
     id : str, optional
@@ -265,6 +273,11 @@ def with_load(
     ------
     StudyError
         If the bus does not exist, or has several loads of which `id` does not choose one.
+
+    Examples
+    --------
+    >>> st.load("two_area").with_load(7, p="1GW").loads[0].p
+    1000.0
     """
     naming.row(case, "buses", bus)
     others = [name for name in fields(Load) if name not in ("bus", "p", "q", "id")]
@@ -305,6 +318,11 @@ def trip_machine(case: Case, number: int) -> Case:
     ------
     StudyError
         If there is no such machine, or it is the only one at the swing bus.
+
+    Examples
+    --------
+    >>> [row.machine for row in st.load("wscc9").trip_machine(3).machines]
+    [1, 2]
     """
     machine = case.machine(number)
     machines = tuple(m for m in case.machines if m is not machine)
@@ -329,6 +347,11 @@ def classical(case: Case) -> Case:
     """The case with every machine a constant voltage behind x'd, without controls (GENCLS).
 
     Converters, loads and shunts keep their models. Raises `StudyError` for a machine whose model has no x'd.
+
+    Examples
+    --------
+    >>> list(st.load("two_area").classical().devices)
+    ['gencls']
     """
     machines: dict[naming.Key, Any] = {}
     for model in tables.of_role("machine"):

@@ -43,6 +43,11 @@ def with_storage(case: Case, sizes: Fleet, flow: PowerFlow | None = None, **opti
     ------
     StudyError, CaseError
         If a machine, bus, size or option is not allowed.
+
+    Examples
+    --------
+    >>> [device.rating for device in st.load("two_area").with_storage("1=50MW,4=5%mva", energy=0.1).storage]
+    [50.0, 45.0]
     """
     new = extended(case, devices(case, sizes, flow, options))
     checks.storage(new)  # nothing else has changed

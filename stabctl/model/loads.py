@@ -37,6 +37,11 @@ def with_load_level(case: Case, level: float) -> Case:
     ------
     StudyError
         For a level that is not above 0, or above 10.
+
+    Examples
+    --------
+    >>> [round(load.p) for load in st.load("two_area").with_load_level(0.9).loads]
+    [870, 1590]
     """
     if isinstance(level, bool) or not isinstance(level, int | float) or not 0 < level <= HIGHEST:
         raise StudyError(f"The load level {level!r} is not allowed; give a number above 0, such as 0.9 for 90 %.")
@@ -61,6 +66,11 @@ def with_loads(case: Case, kind: Loads) -> Case:
         If the kind is none of these.
     PowerFlowError
         If loads depend on the voltage in the power flow, and it has no solution.
+
+    Examples
+    --------
+    >>> st.load("two_area").with_loads("power").loads[0].p_power
+    1.0
     """
     case = as_case(case)
     if kind not in LOW:
@@ -114,8 +124,9 @@ def with_motors(
 
     Examples
     --------
-    >>> case.with_motors("40%")
-    >>> case.with_motors(0.6, at=(7, 8), H=0.3)
+    >>> case = st.load("two_area").with_motors(0.6, at=7, H=0.3)
+    >>> case.devices["cim"][7].H
+    0.3
     """
     case = as_case(case)
     number = quantity(share, "-") if isinstance(share, str) else share

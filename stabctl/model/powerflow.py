@@ -44,6 +44,15 @@ class PowerFlow:
         Power produced by every machine.
     iterations : int
         Newton steps.
+
+    Examples
+    --------
+    >>> flow = st.load("two_area").power_flow()
+    >>> flow.df.loc[[1, 7], ["v_pu", "p_gen_mw", "p_load_mw"]].round(3)
+          v_pu  p_gen_mw  p_load_mw
+    bus
+    1    1.030     700.0        0.0
+    7    0.961       0.0      967.0
     """
 
     case: Case
@@ -136,6 +145,13 @@ def solve(case: Case, limit: int = 30) -> PowerFlow:
     ------
     PowerFlowError
         If no solution is found; it names the bus with the largest power mismatch.
+
+    Examples
+    --------
+    >>> flow = st.load("two_area").power_flow()
+    >>> abs(flow.V).round(3)
+    array([1.03 , 1.01 , 1.03 , 1.01 , 1.006, 0.978, 0.961, 0.949, 0.971,
+           0.983, 1.008])
     """
     case = as_case(case)
     net = network.build(case)

@@ -46,6 +46,11 @@ def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float =
     ------
     StudyError
         For fewer than one copy, a bus that does not exist, or a reactance that is not positive.
+
+    Examples
+    --------
+    >>> [row.machine for row in st.replicate(st.load("two_area"), 2).machines]
+    [1, 2, 3, 4, 101, 102, 103, 104]
     """
     case = as_case(case)
     if not isinstance(copies, int) or isinstance(copies, bool) or copies < 1:

@@ -34,6 +34,13 @@ class ShortCircuit:
         The system.
     impedance : ndarray (buses), complex, pu on the system base
         Thevenin impedance Z_kk; infinite where no machine feeds the bus.
+
+    Examples
+    --------
+    >>> st.load("two_area").short_circuit().df[["bus", "short_circuit_mva"]].head(2).round()
+       bus  short_circuit_mva
+    0    1             4855.0
+    1    2             5004.0
     """
 
     case: Case
@@ -99,6 +106,11 @@ def short_circuit(base: Any, *, trip: str | None = None) -> ShortCircuit:
     ------
     StudyError
         If the case has no dynamic data, or there is no such circuit.
+
+    Examples
+    --------
+    >>> print(st.load("two_area").short_circuit(trip="7-8"))
+    short-circuit power of two_area: from 1651 MVA at bus 8 to 4918 MVA at bus 2
     """
     case = as_case(base)
     return ShortCircuit(case, impedances(case, trip)[0])
@@ -122,6 +134,12 @@ class ShortCircuitRatio:
         Short-circuit power of the bus of each.
     equivalent : ndarray (converters)
         Equivalent short-circuit ratios, with the interaction of the other converters.
+
+    Examples
+    --------
+    >>> found = st.load("two_area").with_storage("4=200MW").short_circuit_ratio()
+    >>> found.converters, found.ratio.round(2)
+    (('ESD 4@10',), array([19.76]))
     """
 
     case: Case
@@ -198,6 +216,12 @@ def short_circuit_ratio(base: Any, *, trip: str | None = None) -> ShortCircuitRa
     ------
     StudyError
         If there is no converter, the case has no dynamic data, or there is no such circuit.
+
+    Examples
+    --------
+    >>> case = st.load("two_area").with_device("regc_c", 3)
+    >>> print(case.short_circuit_ratio(trip="7-8"))
+    two_area: 1 converter, 900 MVA; weighted short-circuit ratio 1.32; weakest: REGC_C 3 with SCR 1.32, ESCR 1.32
     """
     case = as_case(base)
     rows = installed(case)

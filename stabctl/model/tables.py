@@ -109,7 +109,14 @@ class Link(NamedTuple):
 
 
 class Storage(NamedTuple):
-    """An energy storage device (ESD) that belongs to a machine; the defaults are the ideal device of the paper."""
+    """An energy storage device (ESD) that belongs to a machine; the defaults are the ideal device of the paper.
+
+    Examples
+    --------
+    >>> device = st.Storage(machine=1, bus=5, rating=50, energy=0.1, lag=0.02)
+    >>> st.load("two_area").with_storage(device).storage[0].energy
+    0.1
+    """
 
     machine: Annotated[int, "-", "machine whose speed controls it"]
     bus: Annotated[int, "-", "bus to which it is connected"]

@@ -75,6 +75,11 @@ def with_typical_machines(case: Case, known: Mapping[int, Known] = MappingProxyT
         If the case has dynamic data.
     PowerFlowError
         If its power flow, which gives the ratings, has no solution.
+
+    Examples
+    --------
+    >>> list(st.read_matpower("nine.m").with_typical_machines().devices)
+    ['genrou', 'exst1', 'ieesgo']
     """
     case = as_case(case)
     if any(model in case.devices for model in tables.of_role(*tables.UNIT_ROLES)):

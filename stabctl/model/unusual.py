@@ -111,6 +111,13 @@ class UnusualData(Tabular):
         Name of the case.
     findings : tuple of Finding
         The unusual values.
+
+    Examples
+    --------
+    >>> found = st.load("two_area").set("genrou.1.H", 1500).check()
+    >>> found.df[["table", "object", "quantity", "value"]]
+        table     object quantity   value
+    0  genrou  machine 1        H  1500.0
     """
 
     name: str
@@ -128,7 +135,18 @@ class UnusualData(Tabular):
         return {"case": self.name, "unusual": [found._asdict() for found in self.findings]}
 
     def told(self, case: str) -> str:
-        """The line about them in other commands; empty if there are none."""
+        """The line about them in other commands; empty if there are none.
+
+        Parameters
+        ----------
+        case : str
+            The case as `stabctl check` takes it.
+
+        Examples
+        --------
+        >>> st.load("two_area").set("genrou.1.H", 1500).check().told("two_area")
+        '1 unusual value: stabctl check two_area'
+        """
         return f"{counted(len(self.findings), 'unusual value')}: stabctl check {case}" if self.findings else ""
 
     def sentences(self) -> list[str]:
@@ -172,7 +190,9 @@ def check(base: Any, *, balance: bool = True) -> UnusualData:
 
     Examples
     --------
-    >>> st.load("two_area").set("genrou.1.H", 1500).check()
+    >>> print(st.load("two_area").set("genrou.1.H", 1500).check())
+    two_area: 1 unusual value.
+    genrou, machine 1: H = 1500 s, usually 1 to 30 s; is it on the base of the system, or stored energy in MW s?
     """
     case = as_case(base)
     rows = {model: _devices(case, model) for model in case.devices} | _network(case)

@@ -131,6 +131,14 @@ def place(
     StudyError
         If an argument is invalid, no fleet survives any contingency, or no fleet with so few sites or
         within the tolerance is found.
+
+    Examples
+    --------
+    >>> wanted = [st.Contingency("29", clear="4.7cyc", trip="26-29")]
+    >>> found = st.place(st.load("ieee39").classical(), wanted, candidates=[(9, 29), (8, 25)], observe="3s")
+    >>> found.df[["bus", "machine", "mw"]].round(1)
+       bus  machine    mw
+    0   29        9  45.7
     """
     began = time.perf_counter()
     cases = operating_points(base)

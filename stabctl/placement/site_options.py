@@ -23,7 +23,15 @@ WHOLE = 1e-6  # of a module
 
 
 class SiteOption(NamedTuple):
-    """A bus where a device may be built: a row of a table of sites. What is left out is that of the whole study."""
+    """A bus where a device may be built: a row of a table of sites. What is left out is that of the whole study.
+
+    Examples
+    --------
+    >>> places = [st.SiteOption(5, 1, cap=200, module=10)]
+    >>> wanted = st.Contingency("7-8@0.4", clear="22cyc")
+    >>> st.place(st.load("two_area"), wanted, candidates=places, observe="2s").total_mw
+    50.0
+    """
 
     bus: Annotated[int, "-", "bus of the device"]
     machine: Annotated[int | None, "-", "machine whose speed controls it; by default the nearest one"] = None

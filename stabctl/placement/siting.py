@@ -62,6 +62,13 @@ class Siting(Tabular):
         Source of the required clearing times, as a sentence; empty if they were given.
     tolerance : float or None
         Share by which any one device alone may be smaller or larger, if that was required.
+
+    Examples
+    --------
+    >>> wanted = st.Contingency("7-8@0.4", clear="22cyc")
+    >>> found = st.place(st.load("two_area"), wanted, candidates=[(1, 5)], observe="2s")
+    >>> round(found.cost), [(site.bus, round(site.mw)) for site in found.sites]
+    (47, [(5, 47)])
     """
 
     case: str
@@ -145,6 +152,13 @@ class Siting(Tabular):
         Returns
         -------
         tuple of Storage
+
+        Examples
+        --------
+        >>> wanted = st.Contingency("7-8@0.4", clear="22cyc")
+        >>> found = st.place(st.load("two_area"), wanted, candidates=[(1, 5)], observe="2s")
+        >>> [device.lag for device in found.storage(lag=0.05)]
+        [0.05]
         """
         return tuple(
             Storage(s.machine, s.bus, s.mw, **{"mva": 0.0 if s.mva == s.mw else s.mva, **options}) for s in self.sites

@@ -9,7 +9,20 @@ REFINED = "half the time step and twice the observation window"
 
 
 class Costs(NamedTuple):
-    """What storage costs, in any one currency, where a site has no costs of its own."""
+    """What storage costs, in any one currency, where a site has no costs of its own.
+
+    Parameters
+    ----------
+    mw, site, mwh : float
+        Cost of a MW, of a site, and of a MWh.
+
+    Examples
+    --------
+    >>> wanted, costs = st.Contingency("7-8@0.4", clear="22cyc"), st.Costs(mw=1.0, site=20.0)
+    >>> found = st.place(st.load("two_area"), wanted, candidates=[(1, 5)], costs=costs, observe="2s")
+    >>> round(found.cost - found.total_mw)
+    20
+    """
 
     mw: float = 1.0  # per MW
     site: float = 0.0  # per site

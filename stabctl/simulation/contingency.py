@@ -45,6 +45,12 @@ class Contingency:
     ------
     StudyError
         For text that cannot be parsed. Names are checked against the case by `check` and by every study.
+
+    Examples
+    --------
+    >>> fault = st.Contingency("7-8@0.4", clear="6cyc", events=["2@3s"])
+    >>> st.load("two_area").simulate(fault, until="5s").outcome.stable
+    True
     """
 
     fault: Place | None = None
@@ -101,6 +107,11 @@ class Contingency:
         ------
         StudyError
             If the case has no such fault location or circuit.
+
+        Examples
+        --------
+        >>> st.Contingency("8-7#2").placed(st.load("two_area")).fault
+        '7-8#2'
         """
         fault = None if self.fault is None else placed(case, self.fault)
         return replace(self, fault=fault, trip=tuple(naming.circuit(case, circuit(case, k)[0]) for k in self.trip))
@@ -128,6 +139,11 @@ class Contingency:
         Returns
         -------
         float, s
+
+        Examples
+        --------
+        >>> st.Contingency("7", clear="6cyc", at="30cyc").starts(st.load("two_area"))
+        0.5
         """
         return seconds(self.at, case.frequency_hz)
 
@@ -147,6 +163,11 @@ class Contingency:
         ------
         StudyError
             If there is a fault without a clearing time.
+
+        Examples
+        --------
+        >>> st.Contingency("7", clear="6cyc").cleared(st.load("two_area"))
+        1.1
         """
         return self.starts(case) + self._duration(case)
 
@@ -168,6 +189,11 @@ class Contingency:
         -------
         tuple of event
             With their instants in seconds.
+
+        Examples
+        --------
+        >>> st.Contingency("7", clear="6cyc", events="2@120cyc").others(st.load("two_area"))
+        (TripMachine(machine=2, at=2.0),)
         """
         return tuple(event(e, case.frequency_hz) for e in self.events)
 
@@ -183,6 +209,11 @@ class Contingency:
         -------
         tuple of event
             With their instants in seconds.
+
+        Examples
+        --------
+        >>> st.Contingency("7", clear="6cyc").timed(st.load("two_area"))
+        (Fault(place='7', at=1.0, impedance=0j), Clear(place='7', at=1.1))
         """
         events = list(self.others(case))
         if self.fault is None and not self.trip:
@@ -203,6 +234,11 @@ class Contingency:
         Returns
         -------
         tuple of event
+
+        Examples
+        --------
+        >>> st.Contingency("7", trip="7-8").lasting(0.1, begin=1.0)
+        (Fault(place='7', at=1.0, impedance=0j), Clear(place='7', at=1.1), Open(branch='7-8', at=1.1, end='both'))
         """
         events: list[Event] = []
         end = begin + duration
@@ -226,6 +262,10 @@ class Contingency:
         ------
         StudyError
             If a bus, circuit or machine does not exist, or an event is later than `until`.
+
+        Examples
+        --------
+        >>> st.Contingency("7-8@0.4", clear="6cyc").check(st.load("two_area"), until=5.0)
         """
         timeline(case, timed_events(case, self, until))
 
@@ -242,6 +282,11 @@ class Contingency:
         Returns
         -------
         Contingency
+
+        Examples
+        --------
+        >>> st.Contingency("7", clear="6cyc").with_clear("8cyc", at="2s").clear
+        '8cyc'
         """
         return replace(self, clear=clear, at=self.at if at is None else at)
 
@@ -256,6 +301,11 @@ class Contingency:
         Returns
         -------
         str
+
+        Examples
+        --------
+        >>> st.Contingency("7", clear=0.1, trip="7-8").described(st.load("two_area"))
+        'fault 7, cleared after 0.1 s (6 cycles) by opening 7-8'
         """
         return self.placed(case)._in_words(case.frequency_hz)
 

@@ -58,6 +58,12 @@ class Criterion(NamedTuple):
     islands begin to narrow. A decay to 0.7 in 2.5 s is a damping ratio of 4.5 % at 0.5 Hz and of 2.3 % at 1 Hz. In a
     system without any governor or grid-forming converter nothing restores the frequency, so it is checked only if one
     of these three values is not the default.
+
+    Examples
+    --------
+    >>> case = st.load("two_area")
+    >>> case.clearing_time("7-8@0.4", criterion=st.Criterion(max_angle="60deg")).cycles
+    20.375
     """
 
     max_angle: float = 3.5

@@ -43,6 +43,12 @@ class Fault(_Timed):
         Instant; text such as "1s" or "60cyc".
     impedance : complex, pu
         Fault impedance on the system base; 0 is a bolted fault.
+
+    Examples
+    --------
+    >>> fault = [st.Fault("7-8@0.4", "1s", impedance=0.01j), st.Open("7-8", "1.1s")]
+    >>> st.load("two_area").simulate(fault, until="3s").outcome.stable
+    True
     """
 
     place: Place
@@ -60,6 +66,12 @@ class Clear(_Timed):
         Location of the fault.
     at : float or str, s
         Instant; text such as "1.1s".
+
+    Examples
+    --------
+    >>> fault = [st.Fault("7", "1s"), st.Clear("7", "66cyc")]
+    >>> st.load("two_area").simulate(fault, until="3s").outcome.stable
+    True
     """
 
     place: Place
@@ -78,6 +90,12 @@ class Open(_Timed):
         Instant; text such as "1s".
     end : "both" or int
         Both ends, or the number of the bus whose breaker opens.
+
+    Examples
+    --------
+    >>> run = st.load("two_area").simulate(st.Open("7-8", "1s", end=8), until="3s")
+    >>> run.outcome.stable
+    True
     """
 
     branch: Place
@@ -95,6 +113,12 @@ class TripMachine(_Timed):
         Its number, or its name such as 30/1.
     at : float or str, s
         Instant; text such as "1s".
+
+    Examples
+    --------
+    >>> run = st.load("two_area").simulate(st.TripMachine(2, "1s"), until="3s")
+    >>> [bool(on) for on in run.on[-1]]
+    [True, False, True, True]
     """
 
     machine: int | str
@@ -120,6 +144,12 @@ class LoadStep(_Timed):
     ------
     StudyError
         If both powers are 0, or text cannot be parsed.
+
+    Examples
+    --------
+    >>> run = st.load("two_area").simulate(st.LoadStep(7, "1s", p="100MW", q="20Mvar"), until="5s")
+    >>> print(f"{60 * float(run.speed[-1].mean()):.2f} Hz")
+    59.92 Hz
     """
 
     bus: int | str
@@ -150,6 +180,12 @@ class SwitchShunt(_Timed):
         Active power consumed at 1 pu.
     b : float, Mvar
         Reactive power produced at 1 pu.
+
+    Examples
+    --------
+    >>> run = st.load("two_area").simulate(st.SwitchShunt(7, "1s", b=100), until="5s")
+    >>> print(f"{float(run.voltage.sel(bus=7)[-1]):.3f} pu")
+    0.980 pu
     """
 
     bus: int | str

@@ -40,7 +40,7 @@ def simulate(
         changes). By default there is none.
     until : str or float
         End of the run: "10s", or seconds.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own: "50MW" at every machine, "14=50MW,13=20MW", {14: "50MW"}, rows.
     control : control law, Controller, or list of them, optional
         A law of the storage devices, `BangBang()` or `Feedback(...)`, and controllers of anything; without a law or
@@ -65,6 +65,12 @@ def simulate(
     ------
     StudyError
         If the case lacks something named, or an argument is invalid.
+
+    Examples
+    --------
+    >>> run = st.load("two_area").simulate(st.Contingency("7-8@0.4", clear="150ms"), until="5s")
+    >>> print(run.outcome)
+    All machines stayed in synchronism until 5.000 s; frequency 59.97 (machine 3) to 60.31 Hz (machine 2), ...
     """
     point = operating_point(base, storage)
     law = checked_control(control, point.case)

@@ -51,6 +51,12 @@ class Trajectory:
         Stages of the steps, of which each has four or more, at which Newton's method solved for the voltages.
     idle
         Whether there are storage devices that nothing gives orders to.
+
+    Examples
+    --------
+    >>> run = st.load("two_area").simulate(st.Contingency("7-8@0.4", clear="150ms"), until="5s")
+    >>> print(f"{60 * float(run.speed.sel(machine=1).max()):.2f} Hz, {run.max_angle_from_coi_deg:.1f} degrees")
+    60.30 Hz, 20.0 degrees
     """
 
     point: OperatingPoint
@@ -131,7 +137,13 @@ class Trajectory:
         return float(np.rad2deg(self.peak.max(initial=0.0)))
 
     def devices(self) -> list[str]:
-        """Names of the storage devices: `14@33` is machine 14's, connected at bus 33."""
+        """Names of the storage devices: `14@33` is machine 14's, connected at bus 33.
+
+        Examples
+        --------
+        >>> st.load("two_area").simulate("7-8@1s", "2s", storage="1=50MW").devices()
+        ['1@5']
+        """
         return [f"{s.machine}@{s.bus}" for s in self.point.case.storage]
 
     @cached_property
@@ -238,6 +250,11 @@ class Trajectory:
         ------
         StudyError
             For another suffix, an unknown channel, a reference without a rotor, or a file that cannot be written.
+
+        Examples
+        --------
+        >>> st.load("two_area").simulate("7-8@1s", until="2s").save("run.csv")
+        PosixPath('run.csv')
         """
         path = files.path_of(path)
         if path.suffix.lower() == ".csv":

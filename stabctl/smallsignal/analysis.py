@@ -42,7 +42,7 @@ def modes(
     band : str or pair, optional
         Frequencies of the modes in `df`: "0.1..2Hz", or two numbers in Hz. Up to 2000 states all modes are computed;
         above that, only those of the band (0.1 to 2.5 Hz by default).
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
     damping : tuple of float
         Lowest and highest damping ratio, if only the modes of a band are computed.
@@ -59,6 +59,14 @@ def modes(
         If the point is not an equilibrium, or a device is exactly at a limit; names the state or the limit.
     StudyError
         If the band is not a band of frequencies.
+
+    Examples
+    --------
+    >>> st.load("two_area").modes("0.1..2Hz").df.query("swing")[["frequency_hz", "damping_ratio", "mode"]].round(3)
+       frequency_hz  damping_ratio               mode
+    0         0.611          0.120  1, 2 against 3, 4
+    1         1.263          0.362        1 against 2
+    2         1.341          0.375        3 against 4
     """
     chosen = None if band is None else units.band(band)
     d = descriptor(operating_point(base, storage))

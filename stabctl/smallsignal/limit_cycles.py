@@ -124,6 +124,14 @@ class LimitCycles(Tabular):
     curves : tuple of Nyquist
         Loop gains of the figure: of the only output, or for each limit cycle of the output with the largest
         oscillation, with the others as gains.
+
+    Examples
+    --------
+    >>> options = {"rate": 60, "delay": "200ms", "relay": True, "deadband": 2e-5, "limits": 1}
+    >>> relay = st.Controller("deviation:1", "order:1@5", [], [], [], [[1.0]], **options)
+    >>> found = st.load("two_area").limit_cycles(relay, storage="100MW")
+    >>> [(round(cycle.frequency_hz, 2), cycle.stable) for cycle in found.cycles]
+    [(1.58, False), (1.58, True), (6.03, False), (6.03, False)]
     """
 
     name: str
@@ -182,7 +190,7 @@ def limit_cycles(
         Signals whose amplitudes are reported, as in `linearize`; by default the inputs of these controllers.
     band : str or pair, Hz
         Frequencies: "0.1..10Hz". Cycles of less than 6 frames are left out.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
 
     Returns
@@ -193,6 +201,11 @@ def limit_cycles(
     ------
     StudyError
         If no controller is nonlinear, rates differ, limits differ in the two directions, or an output has a ramp limit.
+
+    Examples
+    --------
+    >>> print(st.load("two_area").limit_cycles(st.BangBang().sampled(60, "200ms"), storage="100MW"))
+    two_area: no limit cycle from 0.1 to 10 Hz
     """
     point = operating_point(base, storage)
     own = all_named(point, controllers)

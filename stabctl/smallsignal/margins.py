@@ -142,6 +142,12 @@ class Margins(Tabular):
         outputs of continuous ones, and none at all if there are several rates: the loop is not time-invariant then.
     hz, gain
         Frequencies (points), and the loop gains there with the sign of negative feedback (points, loops), complex.
+
+    Examples
+    --------
+    >>> found = st.load("two_area").margins(st.Feedback(10.0), storage="1=50MW")
+    >>> round(found.delay, 4), found.gain_up, found.gain_down
+    (0.0127, inf, 0.0)
     """
 
     delay: float
@@ -185,7 +191,7 @@ def margins(base: Case | OperatingPoint, *controllers: Controller | Law, storage
     *controllers : Controller or Law
         The controllers, with which it must be stable; no Python functions. A law of storage devices acts as its
         `controllers`.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
 
     Returns
@@ -196,6 +202,12 @@ def margins(base: Case | OperatingPoint, *controllers: Controller | Law, storage
     ------
     StudyError
         If the loop is unstable as it is.
+
+    Examples
+    --------
+    >>> print(st.load("two_area").margins(st.Feedback(10.0), storage="1=50MW"))
+    stable with less than 12.73 ms more delay, and with 0 to inf times the gains
+      law 1@5: order:1@5: gain 0 to any, phase 90.9 deg (19.8 Hz), delay 12.73 ms, disk 2
     """
     point = operating_point(base, storage)
     own = all_named(point, controllers)

@@ -137,7 +137,27 @@ class Model:
 
 @dataclass(frozen=True, repr=False)
 class Linear(Model):
-    """The full linear model of an operating point."""
+    """The full linear model of an operating point.
+
+    Attributes
+    ----------
+    name : str
+        Name of the case.
+    A, B, C, D : ndarray
+        Matrices of the model; A in 1/s.
+    states, inputs, outputs : tuple of str
+        Labels.
+    point : OperatingPoint
+        The operating point.
+    places : tuple of StatePlace
+        Device, machine and name of every state.
+
+    Examples
+    --------
+    >>> model = st.load("two_area").linearize(inputs="vref:2", outputs="speed:2")
+    >>> model.states[:2], model.B.shape, model.outputs
+    (('angle GENROU 1', 'speed GENROU 1'), (56, 1), ('speed GENROU 2',))
+    """
 
     point: OperatingPoint
     places: tuple[layout.StatePlace, ...]  # device, machine and name of every state
@@ -154,6 +174,11 @@ class Linear(Model):
         """The change of the states (states, islands) when all angles of an island are rotated by 1 rad.
 
         Nothing else changes then.
+
+        Examples
+        --------
+        >>> st.load("two_area").linearize().rotation().shape
+        (56, 1)
         """
         every = {p.table: devices.every().get(p.table) for p in self.places}
         angles = {table: device.angles if device else ("delta",) for table, device in every.items()}
@@ -210,7 +235,7 @@ def linearize(
     inputs, outputs : str or iterable
         Signals of `stabctl.smallsignal.INPUTS` and `OUTPUTS`: "vref:2, storage:33" or ["speed:14", "voltage:7"]; a
         kind alone, such as "speed", means all signals of that kind.
-    storage : str, mapping, or iterable of Storage, optional
+    storage : str, float, mapping, or iterable of Storage, optional
         Storage devices in place of the case's own, as in `simulate`.
 
     Returns
@@ -223,6 +248,12 @@ def linearize(
         If the point is not an equilibrium, or a device is exactly at a limit; names the state or the limit.
     StudyError
         If a signal is not known.
+
+    Examples
+    --------
+    >>> model = st.load("two_area").linearize(inputs="vref:2", outputs="speed:2, voltage:7")
+    >>> model.A.shape, model.inputs, model.outputs
+    ((56, 56), ('reference SEXS 2',), ('speed GENROU 2', 'voltage bus 7'))
     """
     return eliminated(descriptor(operating_point(base, storage), inputs, outputs))
 

@@ -61,7 +61,19 @@ class Part:
 
 @dataclass(frozen=True, repr=False)
 class Mode:
-    """One eigenvalue of the system."""
+    """One eigenvalue of the system.
+
+    Attributes
+    ----------
+    eigenvalue, electromechanical, label, participation, shape
+        The value (1/s), whether machines swing against each other, the name, the ten main states, and the mode shape.
+
+    Examples
+    --------
+    >>> mode = st.load("two_area").modes().sensitivity("pss.K").mode
+    >>> mode.label, round(mode.frequency_hz, 3), round(mode.damping_ratio, 3), mode.participation[0].state
+    ('1, 2 against 3, 4', 0.611, 0.12, 'angle GENROU 3')
+    """
 
     eigenvalue: complex  # 1/s
     electromechanical: bool
@@ -91,7 +103,19 @@ class Mode:
 
 @dataclass(frozen=True, repr=False)
 class Modes:
-    """Eigenvalues with left and right eigenvectors, W^H V = I; by frequency, conjugate pairs next to each other."""
+    """Eigenvalues with left and right eigenvectors, W^H V = I; by frequency, conjugate pairs next to each other.
+
+    Attributes
+    ----------
+    linear, eigenvalues, right, left, band
+        The model, the eigenvalues (1/s), V, W, and the frequencies (Hz) of the modes in `df`, or None for all.
+
+    Examples
+    --------
+    >>> modes = st.load("two_area").modes()
+    >>> modes.stable, modes.frequency_hz[modes.swings()].round(3), modes.damping_ratio[modes.swings()].round(3)
+    (True, array([0.611, 1.263, 1.341]), array([0.12 , 0.362, 0.375]))
+    """
 
     linear: Linear
     eigenvalues: np.ndarray  # (modes) complex, 1/s
@@ -160,7 +184,19 @@ class Modes:
         return swings(self.eigenvalues, self.shares, self.shapes, rotor, self.linear.point)
 
     def label(self, k: int) -> str:
-        """Name of mode k: the machines and converters that swing against each other, or the dominant state."""
+        """Name of mode k: the machines and converters that swing against each other, or the dominant state.
+
+        Parameters
+        ----------
+        k : int
+            Index of the mode among `eigenvalues`, as returned by `swings()`.
+
+        Examples
+        --------
+        >>> modes = st.load("two_area").modes()
+        >>> [modes.label(k) for k in modes.swings()]
+        ['1, 2 against 3, 4', '1 against 2', '3 against 4']
+        """
         linear = self.linear
         if self.eigenvalues[k] == 0:
             return zero(linear, self.right[:, k], self.left[:, k], k if k < self.references else None)
@@ -171,7 +207,19 @@ class Modes:
         return leader(linear, self.shares[:, k], self.shapes[:, k], self.eigenvalues[k].imag != 0)
 
     def mode(self, k: int) -> Mode:
-        """Mode k as a record; k is an index of `eigenvalues`, as returned by `swings()`."""
+        """Mode k as a record.
+
+        Parameters
+        ----------
+        k : int
+            Index of the mode among `eigenvalues`, as returned by `swings()`.
+
+        Examples
+        --------
+        >>> modes = st.load("two_area").modes()
+        >>> print(modes.mode(modes.swings()[0]))
+        -0.4634 +3.8417j 1/s: 0.611 Hz, damping 0.1198; 1, 2 against 3, 4
+        """
         count = len(self.eigenvalues)
         if not isinstance(k, Integral) or not -count <= k < count:
             raise StudyError(
@@ -194,7 +242,19 @@ class Modes:
         return list(dict.fromkeys(k for k in worst if k is not None))
 
     def within(self, low_hz: float, high_hz: float) -> list[int]:
-        """Indices of the oscillatory modes in a band of frequencies, one of each pair."""
+        """Indices of the oscillatory modes in a band of frequencies, one of each pair.
+
+        Parameters
+        ----------
+        low_hz, high_hz : float, Hz
+            The band.
+
+        Examples
+        --------
+        >>> modes = st.load("two_area").modes()
+        >>> [modes.label(k) for k in modes.within(0.5, 1)]
+        ['1, 2 against 3, 4']
+        """
         if not 0 <= low_hz <= high_hz:
             raise StudyError(
                 f"The band from {low_hz:g} to {high_hz:g} Hz is empty or negative; give the lower frequency first."
@@ -216,9 +276,20 @@ class Modes:
         return self.linear.C @ self.right
 
     def residues(self, output: str | int = 0, input: str | int = 0) -> np.ndarray:
-        """Residues (modes) of the transfer function from an input to an output (names, labels or indices).
+        """Residues (modes) of the transfer function from an input to an output.
 
         They are also the derivatives of the eigenvalues with respect to the gain k of the feedback u = k y, at k = 0.
+
+        Parameters
+        ----------
+        output, input : str or int
+            Their names, labels or indices.
+
+        Examples
+        --------
+        >>> modes = st.load("two_area").closed_loop(inputs="vref:2", outputs="speed:2").modes()
+        >>> abs(modes.residues("speed:2", "vref:2"))[modes.swings()].round(4)
+        array([0.0113, 0.2098, 0.0399])
         """
         i = index(self.linear, output, "output")
         j = index(self.linear, input, "input")
@@ -241,7 +312,13 @@ class Modes:
         return pd.DataFrame(columns)
 
     def to_control(self) -> "control.StateSpace":
-        """The linear model as a python-control system with the same labels."""
+        """The linear model as a python-control system with the same labels.
+
+        Examples
+        --------
+        >>> st.load("two_area").closed_loop(inputs="vref:2", outputs="speed:2").modes().to_control().nstates
+        56
+        """
         return (eliminated(self.linear) if isinstance(self.linear, Descriptor) else self.linear).to_control()
 
     def __str__(self) -> str:

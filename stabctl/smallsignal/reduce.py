@@ -64,6 +64,18 @@ def reduce(linear: Linear, order: int) -> Reduced:
     """Reduce a linear model to `order` states by balanced truncation; see `balanced`.
 
     Raises `StudyError` if the model is sampled, has no inputs or no outputs, or `order` is not possible.
+
+    Parameters
+    ----------
+    linear : Linear
+        The model.
+    order : int
+        Number of states that remain.
+
+    Examples
+    --------
+    >>> st.load("two_area").linearize(inputs="vref:2", outputs="speed:2").reduce(10).A.shape
+    (10, 10)
     """
     if linear.transition()[2]:
         raise StudyError(

@@ -37,7 +37,23 @@ SHOWN = 3  # parameters in the sentence
 
 
 class Effect(NamedTuple):
-    """How a parameter changes a mode, per `step`: 1 % of its value, or 0.01 of its unit if it is 0."""
+    """How a parameter changes a mode, per `step`: 1 % of its value, or 0.01 of its unit if it is 0.
+
+    Attributes
+    ----------
+    model, place, parameter : str, key, str
+        Model, machine, bus or load, and parameter.
+    value, unit, step : float, str, float
+        Its value and unit, and the step in this unit.
+    real, frequency_hz, damping_ratio : float
+        Changes of the real part (1/s), of the frequency (Hz) and of the damping ratio.
+
+    Examples
+    --------
+    >>> first = st.load("two_area").modes().sensitivity("pss.K").rows[0]
+    >>> first.path, first.value, round(first.damping_ratio, 5)
+    ('pss.4.K', 10.0, 0.00034)
+    """
 
     model: str
     place: naming.Key  # machine, bus or load
@@ -77,6 +93,12 @@ class Sensitivity(Tabular):
         not those per 1 %, come last.
     left_out : tuple of LeftOut
         Parameters without a derivative, with the reason.
+
+    Examples
+    --------
+    >>> found = st.load("two_area").modes().sensitivity("pss.K")
+    >>> found.mode.label, found.rows[0].path
+    ('1, 2 against 3, 4', 'pss.4.K')
     """
 
     name: str
@@ -140,8 +162,11 @@ def sensitivity(
 
     Examples
     --------
-    >>> found = st.load("ieee39").modes().sensitivity("exst3.KA")
-    >>> found.df
+    >>> found = st.load("two_area").modes().sensitivity("pss.K", mode="0.6Hz")
+    >>> found.df[["model", "place", "parameter", "damping_ratio"]].head(2).round(5)
+      model  place parameter  damping_ratio
+    0   pss      4         K        0.00034
+    1   pss      1         K        0.00033
     """
     k = _index(modes, mode)
     wanted = _wanted(modes.linear.point.case, parameters)

@@ -47,6 +47,13 @@ class WeakGrid:
         Names of these modes.
     growth : ndarray (ratios, gains), 1/s
         Largest real part of all modes.
+
+    Examples
+    --------
+    >>> found = st.load("two_area").with_device("regc_c", 3).weak_grid(3, scr=(1.5, 3), gain=(1, 4))
+    >>> found.damping_ratio.round(3)
+    array([[ 0.163, -0.101],
+           [ 0.293,  0.036]])
     """
 
     name: str
@@ -159,6 +166,12 @@ def weak_grid(
     ------
     StudyError
         If the unit has no converter with a phase-locked loop, or an argument makes no sense.
+
+    Examples
+    --------
+    >>> case = st.load("two_area").with_device("regc_c", 3)
+    >>> print(case.weak_grid(3, scr=(1.5, 3), gain=(1, 4)))
+    REGC_C 3 at an infinite bus, SCR 1.5 to 3: 3 of 4 points are stable; fastest growing at SCR 1.5, ...
     """
     case, ratios, gains = as_case(base), _ascending(scr, "scr"), _ascending(gain, "gain")
     if not (np.isfinite(x_over_r) and x_over_r > 0):

@@ -26,7 +26,21 @@ DEFAULTS = {f.column: f.default for f in fields(Job).values()}
 
 @dataclass(frozen=True, repr=False)
 class Results(Tabular):
-    """The rows of a results file, in order; changes of the case are columns of their own in tables, as `pss.1.K`."""
+    """The rows of a results file, in order; changes of the case are columns of their own in tables, as `pss.1.K`.
+
+    Attributes
+    ----------
+    rows : tuple of dict
+        A dictionary per job, by column.
+
+    Examples
+    --------
+    >>> done = st.run_sweep("places.toml", "places.db", workers=1)
+    >>> st.read_sweep("places.db").df[["fault", "storage", "cycles"]].tail(2)
+         fault storage  cycles
+    4  7-8@0.4    50MW  26.000
+    5  7-8@0.4    none  20.375
+    """
 
     rows: tuple[dict[str, Any], ...]
 
@@ -98,6 +112,12 @@ def read(path: str | Path) -> Results:
     ------
     StudyError
         If there is no such file, or it is not a results file.
+
+    Examples
+    --------
+    >>> done = st.run_sweep("places.toml", "places.db", workers=1)
+    >>> st.read_sweep("places.db").varying
+    ('fault', 'storage')
     """
     return Results(in_order(rows(path)))
 

@@ -107,6 +107,12 @@ def run_sweep(
     ------
     StudyError
         For a study, a results file or a cluster that cannot be used; every row up to then is kept.
+
+    Examples
+    --------
+    >>> done = st.run_sweep("places.toml", "places.db", workers=1)
+    >>> done.jobs, done.errors
+    (6, 0)
     """
     if workers is not None and scheduler is not None:
         raise StudyError("workers and scheduler cannot be used together; give one of them.")

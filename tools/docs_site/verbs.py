@@ -1,4 +1,4 @@
-"""Methods declared with `verb` in the Python reference: a link to the function, or its text."""
+"""What mkdocstrings does not know of the package: methods declared with `verb`, and the meaning of annotated fields."""
 
 from importlib import import_module
 from typing import Any
@@ -9,7 +9,7 @@ from docs_site.interface import documented, where
 
 
 class Verbs(griffe.Extension):
-    """Turns an attribute `verb("package.module:function")` into a method."""
+    """Turns an attribute `verb("package.module:function")` into a method, and gives annotated fields their meaning."""
 
     def on_package(self, *, pkg: griffe.Module, loader: griffe.GriffeLoader, **_: Any) -> None:
         """Look through the classes of the package once it is loaded."""
@@ -24,8 +24,19 @@ def _fill(of: Any, package: griffe.Module, listed: frozenset[str]) -> None:
             module, _, function = str(member.value)[6:-2].partition(":")
             place = where(getattr(import_module(module), function)).removeprefix(f"{package.name}.")
             of.members[name] = _method(name, of, package[place], listed)
+        elif member.is_attribute and of.canonical_path in listed and not _described(of):
+            annotations = getattr(import_module(of.module.path), of.name).__annotations__
+            unit, meaning, *_ = (*getattr(annotations.get(name), "__metadata__", ()), "", "")
+            if isinstance(meaning, str) and meaning:
+                text = meaning + f" ({unit})" * (unit != "-")
+                member.docstring = griffe.Docstring(text, parent=member, parser="numpy")
         elif member.is_module or member.is_class:
             _fill(member, package, listed)
+
+
+def _described(of: Any) -> bool:
+    """Whether the text of a class has a section on its parameters or attributes."""
+    return bool(of.docstring) and any(word in of.docstring.value for word in ("\nParameters\n", "\nAttributes\n"))
 
 
 def _method(name: str, of: griffe.Class, function: Any, listed: frozenset[str]) -> griffe.Function:

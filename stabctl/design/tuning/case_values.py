@@ -93,6 +93,7 @@ def values(path: str, *, within: Range = (0.5, 2.0), together: bool = False) -> 
     Examples
     --------
     >>> st.design.values("exst3.KA", within=(0.5, 2), together=True)
+    Values(path='exst3.KA', within=(0.5, 2.0), together=True)
     """
     if not isinstance(path, str) or path.count(".") not in (1, 2):
         raise StudyError(f"{shown(path)} is no parameter of a device; give one such as exst3.KA or tgov.1.R.")

@@ -233,8 +233,8 @@ def stabilizers(
 
     Examples
     --------
-    >>> st.design.stabilizers(stages=3, gain=20, fast=300)
-    >>> st.design.stabilizers([1, 2], model="ieeest")
+    >>> st.design.stabilizers([1, 2], model="ieeest").machines
+    (1, 2)
     """
     if model is not None and model not in MODELS:
         raise StudyError(f"model = {shown(model)} cannot be tuned; choose one of {', '.join(MODELS)}.")
@@ -312,7 +312,9 @@ def damper(
 
     Examples
     --------
-    >>> st.design.damper("deviation:1", "order:1@5", delay="100ms")
+    >>> wanted = st.design.damper("deviation:1", "order:1@5", stages=1, delay="100ms")
+    >>> wanted.tunable.inputs, wanted.tunable.output, wanted.tunable.delays
+    (('deviation:1',), 'order:1@5', (0.1,))
     """
     more: tuple[Any, ...] = ()
     if notch is not None:
@@ -359,7 +361,9 @@ def pi(
 
     Examples
     --------
-    >>> st.design.pi("voltage:7", "vref:2", gain=-5)
+    >>> wanted = st.design.pi("voltage:7", "vref:2", gain=-5)
+    >>> wanted.tunable.inputs, wanted.tunable.output
+    (('voltage:7',), 'vref:2')
     """
     unused = (1.0, 1.0)
     shape = Stages(0, unused, unused, unused)

@@ -67,6 +67,16 @@ class Tuned(Design):
         Largest difference of the nonlinear simulation and the linear model after a small pulse, of the largest value.
     checks
         Clearing times of the most critical line faults, without and with the controllers.
+
+    Examples
+    --------
+    >>> found = st.design.pss(st.load("two_area_thyristor"), [1, 3], damping=0.1, starts=1)
+    >>> found.reached, found.damping > 0.099
+    (True, True)
+    >>> found.parameters[["device", "parameter", "unit"]].head(2)
+           device parameter unit
+    0  vs 1 tuned         K   pu
+    1  vs 1 tuned        Tw    s
     """
 
     worst_case: Worst | None = None
@@ -203,6 +213,14 @@ class Tuned(Design):
         ------
         StudyError
             If no packaged stabilizer was tuned, or the file cannot be written.
+
+        Examples
+        --------
+        >>> options = {"outages": "none", "levels": [1.0], "check_levels": [], "checks": 0, "starts": 1}
+        >>> some = st.design.stabilizers([1, 3], model="ieeest", stages=1)
+        >>> found = st.design.tune(st.load("two_area_thyristor"), some, damping=0.1, **options)
+        >>> found.save_dyr("stabilizers.dyr")
+        PosixPath('stabilizers.dyr')
         """
         if not self.packaged:
             raise StudyError(

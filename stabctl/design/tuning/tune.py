@@ -70,9 +70,9 @@ def tune(
         Contingencies whose networks after clearing are networks, too: those that open several circuits.
     gains : iterable of float
         Factors of all gains with which the damping counts, too.
-    doubled : float, optional
+    doubled : float or None
         Damping ratio that must remain with doubled gains; None: not asked.
-    sensitivity : float, optional
+    sensitivity : float or None
         Bound of the largest sensitivity |S| of every loop, opened at its output with all others closed: 2 leaves a gain
         margin of at least 6 dB and a phase margin of 29 deg. None: no bound.
     disk_margin : float, optional
@@ -107,8 +107,11 @@ def tune(
 
     Examples
     --------
-    >>> found = st.design.tune(case, st.design.stabilizers(stages=3, gain=20, fast=300), levels=(1.0,))
-    >>> found.damping, found.controllers, found.parameters
+    >>> options = {"outages": "none", "levels": [1.0], "check_levels": [], "checks": 0, "starts": 1}
+    >>> some = st.design.stabilizers([1, 3], stages=1, gain=10, fast=100)
+    >>> found = st.design.tune(st.load("two_area_thyristor"), some, damping=0.1, **options)
+    >>> found.reached
+    True
     """
     asked = _asked(damping, gains, doubled, sensitivity, disk_margin, together, one_out)
     if isinstance(starts, bool) or not isinstance(starts, int) or not 1 <= starts <= MOST_STARTS:

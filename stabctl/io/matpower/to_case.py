@@ -71,6 +71,12 @@ def read_matpower(
         For the first mistake, with file, line and field.
     StudyError
         If an argument is not allowed.
+
+    Examples
+    --------
+    >>> case = st.read_matpower("nine.m", frequency=50, machines="typical")
+    >>> len(case.buses), case.frequency_hz
+    (9, 50.0)
     """
     if machines not in (None, "typical"):
         raise StudyError(f"machines = {shown(machines)} is not allowed; the only choice is typical.")

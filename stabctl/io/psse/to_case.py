@@ -79,6 +79,11 @@ def read_psse(
     ------
     CaseError
         For the first mistake, with file, line and field; or with the list of machines and controls without a model.
+
+    Examples
+    --------
+    >>> st.read_psse("three.raw", "three.dyr").machine("101/1").bus
+    101
     """
     return read(raw, dyr, missing=missing, missing_controls=missing_controls).case
 

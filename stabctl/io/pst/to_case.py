@@ -62,6 +62,11 @@ def read_pst(path: str | Path, *, frequency: float | str | None = None) -> Case:
     ------
     CaseError
         For the first mistake, with file and line.
+
+    Examples
+    --------
+    >>> list(st.read_pst("pair.m").devices)
+    ['genrou', 'sexs', 'pss', 'tgov']
     """
     return read(path, frequency=frequency).case
 

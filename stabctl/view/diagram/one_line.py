@@ -99,6 +99,11 @@ def one_line(base: "Case | OperatingPoint", flow: PowerFlow | None = None) -> On
         If `base` is not a system.
     PowerFlowError
         If the power flow has no solution.
+
+    Examples
+    --------
+    >>> st.load("two_area").one_line()
+    one-line diagram of two_area: 11 buses, 12 branches; the lowest voltage is 0.949 pu at bus 8
     """
     case = powerflow.as_case(base)
     flow = flow or getattr(base, "flow", None) or powerflow.solve(case)

@@ -83,6 +83,11 @@ def plot_margins(found: Margins) -> "Figure":
     ------
     StudyError
         If the controllers have no single loops.
+
+    Examples
+    --------
+    >>> found = st.load("two_area").margins(st.Feedback(10.0), storage="1=50MW")
+    >>> found.plot().savefig("margins.png")
     """
     if not found.loops:
         raise StudyError("There is no loop to plot: the controllers have several rates, or no linear part.")

@@ -30,6 +30,10 @@ def plot_clearing_time(found: ClearingTime, *, ax: "Axes | None" = None) -> "Axe
     Returns
     -------
     matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> st.load("two_area").clearing_time("7").plot().figure.savefig("clearing.png")
     """
     ax = single(ax, 7, 4)
     for stable, marker, color in ((True, "o", COLORS[0]), (False, "X", COLORS[1])):
@@ -115,6 +119,10 @@ def plot_screen(found: Screen, *, most: int = 25, ax: "Axes | None" = None) -> "
     -------
     matplotlib.axes.Axes
         Each bar is labeled with what limits it: the machine that loses synchronism just beyond it, frequency, voltage.
+
+    Examples
+    --------
+    >>> st.load("two_area").screen().plot(most=10).figure.savefig("screen.png")
     """
     shown = found.pairs[:most]
     ax = single(ax, 7, 1.2 + 0.25 * max(len(shown), 1))

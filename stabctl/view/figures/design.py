@@ -36,6 +36,12 @@ def plot_design(design: Design, *, ax: "Axes | None" = None) -> "Axes":
         The design.
     ax
         Axes to draw on. Default: a new figure.
+
+    Examples
+    --------
+    >>> base = st.load("two_area_thyristor").initialize(storage="3@11=50MW")
+    >>> found = st.design.pod(base, "deviation:3", "order:3@11", damping=0.05)
+    >>> found.plot().figure.savefig("design.png")
     """
     ax = single(ax, *SIZE)
     for several, color, marker, label in (
@@ -121,6 +127,10 @@ def plot_pairs(pairs: Pairs, *, ax: "Axes | None" = None) -> "Axes":
     -------
     matplotlib.axes.Axes
         One bar for each of the 20 best pairs.
+
+    Examples
+    --------
+    >>> st.design.pairs(st.load("two_area_thyristor"), storage="50MW").plot().figure.savefig("pairs.png")
     """
     first = pairs.df.head(MOST)
     ax = single(ax, 6.4, 1.2 + 0.24 * len(first))

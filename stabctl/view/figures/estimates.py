@@ -31,6 +31,12 @@ def plot(found: Estimates, *, machines: Sequence[int] | None = None, seed: int =
     -------
     matplotlib.figure.Figure
         A panel per machine, in mHz; the band is three standard deviations as reported by the estimator.
+
+    Examples
+    --------
+    >>> base = st.load("two_area").classical().initialize(storage="50MW")
+    >>> found = base.estimate(st.Contingency("7", clear="8cyc"), "2s")
+    >>> found.plot(machines=[1, 4]).savefig("estimates.png")
     """
     case, shown = found.point.case, _rows(found, machines)
     figure, axes = subplots(9, 1.7 * len(shown) + 0.8, len(shown), sharex=True)

@@ -32,6 +32,10 @@ def plot_short_circuit(found: "ShortCircuit", *, most: int = 25, ax: "Axes | Non
     Returns
     -------
     matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> st.load("two_area").short_circuit().plot(most=5).figure.savefig("strength.png")
     """
     shown = np.argsort(found.mva, kind="stable")[:most]
     ax = single(ax, 6, 1.2 + 0.25 * len(shown))
@@ -60,6 +64,11 @@ def plot_short_circuit_ratio(found: "ShortCircuitRatio", *, most: int = 25, ax: 
     -------
     matplotlib.axes.Axes
         The dashed line is the ratio of 3 below which a grid is called weak.
+
+    Examples
+    --------
+    >>> found = st.load("two_area").with_storage("200MW").short_circuit_ratio()
+    >>> found.plot(most=2).figure.savefig("ratios.png")
     """
     shown = np.argsort(found.equivalent, kind="stable")[:most]
     ax = single(ax, 6, 1.6 + 0.45 * len(shown))
@@ -97,6 +106,11 @@ def plot_weak_grid(found: "WeakGrid", *, ax: "Axes | None" = None) -> "Axes":
     -------
     matplotlib.axes.Axes
         Red: a mode grows. Gray: no operating point.
+
+    Examples
+    --------
+    >>> found = st.load("two_area").with_device("regc_c", 3).weak_grid(3, scr=(1.5, 3), gain=(1, 4))
+    >>> found.plot().figure.savefig("weak.png")
     """
     ax = single(ax, 6.4, 4.2)
     ax.set_facecolor("0.85")

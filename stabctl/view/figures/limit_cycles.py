@@ -32,6 +32,12 @@ def plot(found: LimitCycles, *, ax: "Axes | None" = None) -> "Axes":
     matplotlib.axes.Axes
         L(jw) with the sign of negative feedback, for frequencies of the band. With several limited outputs there is a
         curve for each limit cycle, at the output with the largest amplitude.
+
+    Examples
+    --------
+    >>> options = {"rate": 60, "delay": "200ms", "relay": True, "deadband": 2e-5, "limits": 1}
+    >>> relay = st.Controller("deviation:1", "order:1@5", [], [], [], [[1.0]], **options)
+    >>> st.load("two_area").limit_cycles(relay, storage="100MW").plot().figure.savefig("cycles.png")
     """
     ax = single(ax, *SIZE)
     for k, curve in enumerate(found.curves):

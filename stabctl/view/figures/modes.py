@@ -43,6 +43,10 @@ def plot_modes(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
     -------
     matplotlib.axes.Axes
         Frequency (Hz) against real part (1/s). Modes that are better damped or faster lie outside.
+
+    Examples
+    --------
+    >>> st.load("two_area").modes().plot().figure.savefig("modes.png")
     """
     ax = single(ax, *SIZE)
     upper = modes.eigenvalues.imag > 0
@@ -84,6 +88,10 @@ def plot_sensitivity(found: Sensitivity, *, ax: "Axes | None" = None) -> "Axes":
     -------
     matplotlib.axes.Axes
         Changes in percentage points per 1 % of each parameter, or per 0.01 of its unit if it is 0.
+
+    Examples
+    --------
+    >>> st.load("two_area").modes().sensitivity("pss").plot().figure.savefig("sensitivity.png")
     """
     rows = found.rows[:MOST]
     ax = single(ax, SIZE[0], 1.2 + 0.24 * len(rows))
@@ -125,6 +133,11 @@ def plot_mode_shape(mode: Mode, *, ax: "PolarAxes | None" = None) -> "PolarAxes"
     -------
     matplotlib.projections.polar.PolarAxes
         The largest arrows of each side carry the numbers of their machines.
+
+    Examples
+    --------
+    >>> modes = st.load("two_area").modes()
+    >>> modes.mode(modes.swings()[0]).plot().figure.savefig("shape.png")
     """
     ax = _new() if ax is None else ax
     ax.set(ylim=(0, 1), yticks=(0.5, 1), xticks=[math.pi * k / 2 for k in range(4)])

@@ -50,7 +50,7 @@ def plot(base: "Case | OperatingPoint", *results: Any, ax: "Axes | None" = None)
     ----------
     base
         The system.
-    results
+    *results
         What is drawn on it: a `Mode` (arrows at the machines), `Areas` (machines colored by group), a `Screen` (lines
         colored by the critical clearing time of a fault at either end), a `Siting` (storage devices, by rating).
     ax
@@ -65,6 +65,11 @@ def plot(base: "Case | OperatingPoint", *results: Any, ax: "Axes | None" = None)
     ------
     StudyError
         If a result is of another kind or names machines or lines that the system does not have.
+
+    Examples
+    --------
+    >>> case = st.load("two_area")
+    >>> case.plot(case.modes().mode(0)).figure.savefig("diagram.png")
     """
     return draw(one_line(base), *results, ax=ax)
 

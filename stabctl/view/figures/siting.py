@@ -29,6 +29,12 @@ def plot(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
     Returns
     -------
     matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> wanted = st.Contingency("7-8@0.4", clear="22cyc")
+    >>> found = st.place(st.load("two_area"), wanted, candidates=[(1, 5)], observe="2s")
+    >>> found.plot().figure.savefig("siting.png")
     """
     mw = {(s.bus, s.machine): s.mw for s in siting.sites}
     size = {p: (mw.get((p.bus, p.machine), 0.0), p.uniform_mw or 0.0) for p in siting.candidates}

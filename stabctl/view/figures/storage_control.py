@@ -35,6 +35,12 @@ def plot_law_design(design: LawDesign, *, ax: "Axes | None" = None) -> "Axes":
     -------
     matplotlib.axes.Axes
         The contingencies of the training are below the others; each group is in the order of the paper's law.
+
+    Examples
+    --------
+    >>> options = {"resolution": "4cyc", "scan": 0, "observe": "1s", "longest": 0}
+    >>> found = st.design.law(st.load("two_area").classical(), "7-8@0.4", storage="50MW", **options)
+    >>> found.plot().figure.savefig("law.png")
     """
     rows = sorted(design.contingencies, key=lambda c: (c.training, c.reference.reach))
     ax = single(ax, WIDTH, 1.5 + 0.3 * len(rows))
@@ -70,6 +76,12 @@ def plot_optimum(found: Optimum) -> "Figure":
     -------
     matplotlib.figure.Figure
         Dashed: the law takes over.
+
+    Examples
+    --------
+    >>> options = {"resolution": "1cyc", "window": "1s", "rate": 20, "iterations": 3}
+    >>> found = st.design.optimum(st.load("two_area"), "7-8@0.4", storage="50MW", **options)
+    >>> found.plot().savefig("optimum.png")
     """
     figure, axes = subplots(9, 6.5, 2, 1, sharex=True)
     takes_over = found.cleared + len(found.schedule.orders[found.before :]) / found.schedule.rate

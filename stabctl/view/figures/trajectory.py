@@ -53,7 +53,7 @@ def plot(
         connects), ``"field_voltage"`` (pu), ``"mechanical_power"`` (pu), ``"electrical_power"`` (MW),
         ``"voltage_angle"`` (deg), ``"storage"`` (MW, positive when absorbing), ``"storage_order"`` (in ratings) or
         ``"storage_energy"`` (MWh); of certain machines, buses or devices: ``"voltage:16,voltage:17"``.
-    others
+    *others
         Not allowed: one plot shows one quantity.
     machines
         Names or numbers of the machines to show. Default: all.
@@ -68,6 +68,11 @@ def plot(
     ------
     StudyError
         If there is no such quantity, more than one, or the case has no storage to show.
+
+    Examples
+    --------
+    >>> run = st.load("two_area").simulate(st.Contingency("7", clear="6cyc"), until="3s")
+    >>> run.plot("angle", machines=[1, 4]).figure.savefig("angle.png")
     """
     quantities = _quantities(run, signal)
     if others or len(quantities) != 1:

@@ -31,6 +31,10 @@ def plot(found: Verification) -> "Figure":
     matplotlib.figure.Figure
         Left: frequency (Hz) against real part (1/s) of oscillations from 0.1 to 5 Hz. Right: the difference of every
         number in the unit of its quantity, from small to large.
+
+    Examples
+    --------
+    >>> st.verify("wscc9_sauer_pai").plot().savefig("verification.png")
     """
     figure, axes = style.subplots(*SIZE, columns=2)
     _plane(axes[0, 0], found)

@@ -89,6 +89,12 @@ def write_screen(found: Screen, folder: str | Path, *, base: "Case | OperatingPo
     ------
     StudyError
         If the folder cannot be created or written to, or the system lacks a line of the screen.
+
+    Examples
+    --------
+    >>> base = st.load("two_area").initialize()
+    >>> base.screen("10cyc").report("pages", base=base)
+    PosixPath('pages/two_area_screen.html')
     """
     return pattern.write(screen(found, base), folder)
 

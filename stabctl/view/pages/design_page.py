@@ -144,6 +144,13 @@ def write(design: Design, folder: str | Path, checks: Iterable[Contingency | str
     ------
     StudyError
         If the folder cannot be written to, or a contingency does not fit the case.
+
+    Examples
+    --------
+    >>> base = st.load("two_area_thyristor").initialize(storage="3@11=50MW")
+    >>> found = st.design.pod(base, "deviation:3", "order:3@11", damping=0.05)
+    >>> found.report("pages").exists()
+    True
     """
     found = evidence(design, checks)
     if isinstance(design, Tuned):

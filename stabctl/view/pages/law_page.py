@@ -80,6 +80,13 @@ def write(design: LawDesign, folder: str | Path, name: str = "") -> Path:
     ------
     StudyError
         If the folder cannot be created or written to.
+
+    Examples
+    --------
+    >>> options = {"resolution": "4cyc", "scan": 0, "observe": "1s", "longest": 0}
+    >>> found = st.design.law(st.load("two_area").classical(), "7-8@0.4", storage="50MW", **options)
+    >>> found.report("pages").exists()
+    True
     """
     return pattern.write(page(design, name), folder)
 

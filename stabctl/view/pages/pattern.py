@@ -164,6 +164,11 @@ def report(result: Any, folder: str | Path) -> Path:
     ------
     StudyError
         If the folder cannot be created or written to, or a simulation has no rows recorded.
+
+    Examples
+    --------
+    >>> st.load("two_area").simulate("7-8@1s", until="3s").report("pages")
+    PosixPath('pages/two_area_simulate.html')
     """
     module, _, name = PAGES[type(result).__name__].partition(":")
     page = getattr(import_module(f"stabctl.view.pages.{module}"), name)

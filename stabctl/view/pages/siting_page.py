@@ -141,6 +141,13 @@ def write(siting: Siting, folder: str | Path, name: str = "", *, base: "Case | O
     ------
     StudyError
         If the folder cannot be created or written to, or the system lacks a machine of the study.
+
+    Examples
+    --------
+    >>> wanted = st.Contingency("7-8@0.4", clear="22cyc")
+    >>> found = st.place(st.load("two_area"), wanted, candidates=[(1, 5)], observe="2s")
+    >>> found.report("pages").exists()
+    True
     """
     return pattern.write(page(siting, base, name), folder)
 
