@@ -223,7 +223,23 @@ class Trajectory:
         return pd.DataFrame({"time_s": self.time} | columns)
 
     def values(self, quantity: str) -> np.ndarray:
-        """Values of a quantity (rows, all of its dimension), in the unit of `dataset`."""
+        """Values of a quantity at every recorded instant.
+
+        Parameters
+        ----------
+        quantity : str
+            Name of the quantity, as in `table`.
+
+        Returns
+        -------
+        ndarray (rows, machines, buses or devices)
+            In the unit of `dataset`; NaN of a machine that is off.
+
+        Examples
+        --------
+        >>> st.load("two_area").simulate("7-8@1s", until="2s").values("voltage").shape
+        (241, 11)
+        """
         found = QUANTITIES[quantity].values(self.arrays)
         return np.where(self.on, found, np.nan) if QUANTITIES[quantity].while_on else found
 

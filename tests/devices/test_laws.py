@@ -126,7 +126,7 @@ class TestConverter:
         values = np.linalg.eigvals(st.linearize(base).A)
         assert np.abs(np.sort_complex(found.eigenvalues) - np.sort_complex(values)).max() < 1e-6 * np.abs(values).max()
         moved = base.simulate(st.Contingency("2", clear="5cyc"), until="2s")
-        assert [line.get_label() for line in moved.plot().get_lines()][:1] == ["machine 2"]
+        assert [text.get_text() for text in moved.plot().texts][:1] == ["machine 2"]
         assert list(moved.df.filter(like="speed").columns) == ["speed_pu:2"]
         with pytest.raises(StudyError, match="machine 1 of small cannot be estimated, because it is a converter"):
             base.estimate(st.Contingency("2", clear="5cyc"))

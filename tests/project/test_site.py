@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+import axe_playwright_python
 import pytest
 from live_page import browser
 
@@ -14,12 +15,16 @@ import stabctl as st
 from docs_site import interface
 
 ROOT = Path(__file__).resolve().parents[2]
+AXE = (Path(axe_playwright_python.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
 LOOKED_AT = [
     "index",
     "tutorial",
     "gallery",
     "notebooks/modes",
+    "notebooks/storage_law",
     "notebooks/two_area",
+    "glossary",
+    "troubleshooting",
     "theory",
     "placement",
     "design",
@@ -115,3 +120,28 @@ def test_search_finds_a_page(site):
         page.goto((site / "index.html").as_uri())
         page.locator(".md-search__input").first.fill("equal area")
         page.locator(".md-search-result__link[href*='theory']").first.wait_for(timeout=10_000)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_on_the_front_can_be_tried(site, scheme):
+    """Recorded: with storage the fault is survived. axe-core finds nothing serious or critical, nor in the frame."""
+    with browser() as chromium:
+        sizes = {"viewport": {"width": 1280, "height": 900}}
+        page = chromium.new_context(**sizes, color_scheme=scheme, bypass_csp=True).new_page()
+        page.goto((site / "index.html").as_uri())
+        frame = page.frame_locator("iframe.tried")
+        frame.locator("#verdict", has_text="Machine 4 lost synchronism at 3.192 s").wait_for(timeout=10_000)
+        assert [s for s in frame.locator("#controls input").all() if s.is_visible() and not s.is_enabled()] == []
+        for percent, said in (("5", "All machines stayed"), ("0", "Machine 4 lost")):
+            frame.locator("#percent").fill(percent)
+            frame.locator("#verdict", has_text=said).wait_for(timeout=10_000)
+        frame.locator("#clear").fill("17")
+        frame.locator("#verdict", has_text="All machines stayed").wait_for(timeout=10_000)
+        found = {}
+        for name, part in (("page", page), ("frame", page.frames[1])):
+            part.evaluate(AXE)
+            for v in part.evaluate("axe.run(document, {iframes: false})")["violations"]:
+                if v["impact"] in ("serious", "critical"):
+                    found[name, v["id"]] = v["nodes"][0]["html"]
+        assert found == {}

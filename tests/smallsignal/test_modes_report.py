@@ -44,7 +44,7 @@ class Balanced(HTMLParser):
 @pytest.mark.parametrize("name", one_of("two_area_thyristor", "two_area", "ieee39", "wnaps"))
 def test_the_page_is_whole_and_needs_no_network(modes, name):
     m = modes(name)
-    page = modes_page.page(m, areas(m), (0.1, 2.5))
+    page = modes_page.page(m, areas(m), (0.1, 2.5)).html()
     parser = Balanced()
     parser.feed(page)
     assert parser.open == []

@@ -25,6 +25,7 @@ TRIED = re.compile(r"^\[!\[([^]]+)\]\(figures/live/time-1280-light\.webp\)\]\(li
 FRAME = (
     r'<iframe class="tried" src="assets/recorded.html" title="\1" loading="lazy"></iframe>'  # in place of its picture
 )
+DIALOG = 'data-md-component="search" role="dialog"'
 SHIM = "https://unpkg.com/iframe-worker/shim"  # Material's search needs it in pages opened from the file system
 COLORS = {
     "--md-primary-fg-color": "a",
@@ -76,7 +77,8 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
 
 
 def on_post_page(output: str, page: Any, **_: Any) -> str:
-    """Take the script that the theme fetches from the network from the assets."""
+    """Take the script that the theme fetches from the network from the assets; name its dialog for screen readers."""
+    output = output.replace(DIALOG, f'{DIALOG} aria-label="Search"')
     up = "../" * page.url.count("/")
     return output.replace(SHIM, f"{up}assets/iframe-worker.js")
 

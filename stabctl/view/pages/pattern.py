@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Drawing
 
-NUMBER = re.compile(r"[+\-−]?\d[\d.e+\-]*( (to|/) [+\-−]?[\d.]+| or more| ?[a-zA-Z%°]{1,4})?|over \d[\d.]*")
+FLOAT = r"[+\-−]?\d+(\.\d+)?(e[+\-]?\d+)?"
+NUMBER = re.compile(rf"{FLOAT}( (to|/) {FLOAT}| or more| ?[a-zA-Z%°]{{1,4}})?|over {FLOAT}")
 NO_NUMBER = "none", "all", "unstable"
 PAGES = {
     "Trajectory": "run_pages:simulation",

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from stabctl._util.errors import StudyError
 from stabctl._util.wording import enumerated, listed, number
 from stabctl.design.optimum import Optimum
 from stabctl.estimation.estimates import Estimates
@@ -30,7 +31,9 @@ ITERATIONS = "convex program", "clearing time (cycles)", "excursion (deg)", "sol
 def simulation(run: Trajectory) -> Page:
     """Return the page of a simulation."""
     case, f = run.point.case, run.point.case.frequency_hz
-    speeds = run.arrays.speed[run.on] * f if len(run.time) else np.array([f])
+    if len(run.time) < 2:
+        raise StudyError("The run has no rows to show: they were not recorded; leave out record=False.")
+    speeds = run.arrays.speed[run.on] * f
     numbers = [
         (run.outcome.kind.value.replace("_", " "), f"at {run.outcome.time_s:.3f} s"),
         (f"{run.max_angle_from_coi_deg:.1f}°", "largest change of an angle from the center of inertia"),
@@ -113,8 +116,6 @@ def _voltages(run: Trajectory) -> Iterator[tuple[str, ...]]:
     """The buses with the lowest voltages after the last event."""
     size, buses = run.values("voltage"), run.point.case.buses
     after = np.flatnonzero(run.time >= run.happened.changes[-1].at - 1e-9)
-    if not len(after):
-        return
     lowest = size[after].min(axis=0)
     for k in np.argsort(lowest, kind="stable")[:LOWEST]:
         at = run.time[after[size[after, k].argmin()]]
