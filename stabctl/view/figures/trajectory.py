@@ -106,7 +106,7 @@ def compare(
     runs: Mapping[str, Trajectory], signal: str = "speed", machines: Sequence[int | str] | None = None
 ) -> "Figure":
     """Plot one signal of several runs, given by title, side by side on the same scale."""
-    figure, axes = subplots(5 * len(runs), 3.8, 1, len(runs), sharey=True)
+    figure, axes = subplots(5 * len(runs), 3.8, 1, len(runs), sharex=True, sharey=True)
     for ax, (title, run) in zip(axes[0], runs.items(), strict=True):
         _draw(ax, run, signal, machines=machines, legend=ax is axes[0, -1])
         ax.set_title(f"{title}\n{run.outcome.kind.value.replace('_', ' ')}", fontsize="medium")
