@@ -135,6 +135,8 @@ __all__ = [*_WHERE, "design"]
 def __getattr__(name: str) -> object:
     if name == "design":
         return import_module("stabctl.design")
+    if name == "__version__":
+        return import_module("importlib.metadata").version("stabctl")
     if name not in _WHERE:
         raise AttributeError(f"module 'stabctl' has no attribute {name!r}")
     module, _, what = _WHERE[name].partition(":")

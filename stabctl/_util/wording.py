@@ -1,5 +1,6 @@
 """Numbers, nouns and lists in sentences."""
 
+import difflib
 import re
 from collections.abc import Iterable, Sequence
 
@@ -28,6 +29,18 @@ def enumerated(noun: str, names: Iterable[object]) -> str:
     """The noun with the first names: bus 7, buses 7, 8."""
     given = list(map(str, names))
     return f"{named(len(given), noun)} {listed(given)}"
+
+
+def near(wanted: str, known: Iterable[str], there: str = "it has") -> str:
+    """End of a sentence: the names most similar to the one wanted, or the first few, after `there`."""
+    known = list(known)
+    if re.fullmatch(r"[0-9]{1,18}", wanted) and all(name.isdecimal() for name in known):
+        known.sort(key=lambda name: abs(int(name) - int(wanted)))
+        return f"the nearest numbers are {', '.join(sorted(known[:3], key=int))}."
+    similar = difflib.get_close_matches(wanted, known, 3, 0.5)
+    if similar:
+        return f"did you mean {' or '.join(similar)}?"
+    return f"{there} {', '.join(known[:8])}" + (f" and {len(known) - 8} more." if len(known) > 8 else ".")
 
 
 def number(value: float, digits: int) -> str:

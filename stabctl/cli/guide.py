@@ -59,7 +59,7 @@ GUIDES = {
         "Map where a converter is stable in weak grids.",
         ("case --converter 3", "case --converter 3 --scr 1.2,1.5,2 --plot map.png"),
     ),
-    "verify": Guide("Compare known numbers with ours.", ("", "two_area")),
+    "verify": Guide("Compare known numbers with ours.", ("", "tf_two_area")),
     "optimum": Guide(
         "Find the best schedule of storage orders.",
         ("two_area --fault 7 --trip 7-8 --storage 50MW", "two_area --fault 7 --storage 50MW --out orders.csv"),

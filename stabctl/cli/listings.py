@@ -54,6 +54,7 @@ def tables(
     from stabctl import io
     from stabctl._util.errors import StudyError
     from stabctl._util.schema import fields
+    from stabctl._util.wording import near
     from stabctl.model.tables import TABLES, device_columns, models
 
     known = {table: list(fields(record).values()) for table, record in TABLES.items()}
@@ -64,7 +65,7 @@ def tables(
         case = io.load(name)
         shown = {table: rows for table, rows in known.items() if table in case.devices or getattr(case, table, None)}
     else:
-        raise StudyError(f"There is no table or case {name!r}; the tables are {', '.join(known)}.")
+        raise StudyError(f"There is no table or case {name!r}; {near(name, known, 'the tables are')}")
     if csv:
         if name not in known:
             raise StudyError("--csv prints the header of one table; name it, such as stabctl tables genrou --csv.")

@@ -40,6 +40,13 @@ def time(text: str | float) -> str | float:
         raise click.BadParameter(wrong) from None
 
 
+def each(names: list[str] | None) -> list[str] | None:
+    """The names of a repeatable option, each of which may be several separated by commas."""
+    from stabctl.model.naming import listed
+
+    return names and [one for text in names for one in listed(text)]
+
+
 def register(files: list[str] | None) -> list[str] | None:
     """Register the devices in these files before the case that uses them is read."""
     from stabctl import devices
@@ -126,10 +133,13 @@ FAULT = "Fault location: 83 (a bus), 7-8@0.4 (on a line, measured from the first
 Fault = Annotated[str, Option("--fault", help=FAULT)]
 Trip = Annotated[
     list[str] | None,
-    Option("--trip", help="Line opened at clearing, or at --at without a fault: 83-33, 7-8#2. Repeatable."),
+    Option(
+        "--trip", callback=each, help="Line opened at clearing, or at --at without a fault: 83-33, 7-8#2. Repeatable."
+    ),
 ]
 TripAtClearing = Annotated[
-    list[str] | None, Option("--trip", help="Line opened at clearing: 83-33, 7-8#2. Repeatable.")
+    list[str] | None,
+    Option("--trip", callback=each, help="Line opened at clearing: 83-33, 7-8#2. Repeatable."),
 ]
 FaultImpedance = Annotated[str, Option("--fault-impedance", help="R,X of the fault, pu (0,0: bolted).")]
 At = Annotated[str, Option("--at", metavar="TIME", parser=time, help="Time of the fault, s or 60cyc.")]

@@ -10,12 +10,12 @@ from stabctl._util.errors import StudyError, shown
 from stabctl._util.tabular import Tabular
 from stabctl._util.units import hertz
 from stabctl._util.verbs import verb
+from stabctl._util.wording import near
 from stabctl.controllers.timing import duration
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
-from stabctl.model.naming import near
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.modes import Modes
 

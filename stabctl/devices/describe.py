@@ -5,6 +5,7 @@ from typing import Any, NamedTuple, get_args, get_type_hints
 
 from stabctl._util.errors import StudyError
 from stabctl._util.schema import hints
+from stabctl._util.wording import near
 from stabctl.devices import ROLES, every
 from stabctl.devices.device import Device
 from stabctl.devices.ports import At, Port
@@ -67,7 +68,7 @@ def describe(name: str) -> Description:
     devices = every()
     found = name if name in devices else next((k for k, m in devices.items() if m.name.lower() == name.lower()), None)
     if found is None:
-        raise StudyError(f"There is no model {name!r}; choose one of {', '.join(devices)}.")
+        raise StudyError(f"There is no model {name!r}; {near(name.lower(), devices, 'the models are')}")
     device = devices[found]
     title, _, text = device.text.partition("\n")
     states, inputs, outputs = (tuple(_signals(device, record)) for record in ("State", "Input", "Output"))

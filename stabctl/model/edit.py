@@ -11,6 +11,7 @@ from typing import Any
 from stabctl._util.errors import CaseError, StudyError, shown
 from stabctl._util.schema import Field, fields
 from stabctl._util.units import megavars, megawatts, quantity
+from stabctl._util.wording import near
 
 from . import fleet, naming, tables
 from .case import Case
@@ -159,7 +160,7 @@ def with_device(case: Case, model: str, at: int | str | Iterable[int | str], **v
     known, places = fields(tables.models()[model].Par), _places(case, model, at)
     for name in values:
         if name not in known:
-            raise StudyError(f"{model} has no parameter {name!r}; {naming.near(name, known)}")
+            raise StudyError(f"{model} has no parameter {name!r}; {near(name, known)}")
     missing = [name for name, f in known.items() if f.required and name not in values]
     if missing:
         raise StudyError(f"{model} needs {', '.join(missing)}; see stabctl models {model}.")
@@ -283,7 +284,7 @@ def with_load(
     others = [name for name in fields(Load) if name not in ("bus", "p", "q", "id")]
     for name in shares:
         if name not in others:
-            raise StudyError(f"Loads have no column {name!r}; {naming.near(name, others)}")
+            raise StudyError(f"Loads have no column {name!r}; {near(name, others)}")
     given: dict[str, Any] = dict(shares)
     given |= {} if p is None else {"p": megawatts(p)}
     given |= {} if q is None else {"q": megavars(q)}

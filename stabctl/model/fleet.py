@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.schema import fields
 from stabctl._util.units import quantity, rating
+from stabctl._util.wording import near
 from stabctl.devices import every
 from stabctl.devices.storage import MODELS, joined
 
@@ -198,7 +199,7 @@ def _options(options: Mapping[str, Any]) -> dict[str, Any]:
     known = {name: f for name, f in fields(Storage).items() if name not in ("machine", "bus", "rating")}
     for name in options:
         if name not in known:
-            raise StudyError(f"A storage device has no option {name!r}; {naming.near(name, known)}")
+            raise StudyError(f"A storage device has no option {name!r}; {near(name, known)}")
     return {
         name: _read(name, value, known[name].unit) if isinstance(value, str) and known[name].kind is float else value
         for name, value in options.items()

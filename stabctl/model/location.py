@@ -7,6 +7,7 @@ import re
 from typing import Any, NamedTuple
 
 from stabctl._util.errors import StudyError, shown
+from stabctl._util.wording import near
 
 from . import naming
 from .case import Case
@@ -28,8 +29,8 @@ class Location(NamedTuple):
 def _no_branch(case: Case, a: int, b: int) -> str:
     missing = {a, b} - {k.bus for k in case.buses}
     if missing:
-        bus, near = min(missing), naming.near(str(min(missing)), (str(k.bus) for k in case.buses))
-        return f"There is no branch {a}-{b} in {case.name}, because there is no bus {bus}; {near}"
+        bus, others = min(missing), near(str(min(missing)), (str(k.bus) for k in case.buses))
+        return f"There is no branch {a}-{b} in {case.name}, because there is no bus {bus}; {others}"
     ends = {k.from_bus + k.to_bus - a for k in case.branches if a in (k.from_bus, k.to_bus)}
     others = ", ".join(f"{a}-{other}" for other in sorted(ends))
     verb = "branch at bus {a} is" if len(ends) == 1 else "branches at bus {a} are"
@@ -42,9 +43,7 @@ def read(case: Case, text: str) -> Place:
     if (number := naming.bus_number(case, text)) is not None:
         return str(number)
     if _NUMBER.fullmatch(text):
-        raise StudyError(
-            f"There is no bus {text} in {case.name}; {naming.near(text, (str(b.bus) for b in case.buses))}"
-        )
+        raise StudyError(f"There is no bus {text} in {case.name}; {near(text, (str(b.bus) for b in case.buses))}")
     if (found := _circuit(case, text)) is None:
         raise StudyError(
             f"{shown(text)} is not a location; write 83 for a bus, 7-8, 7-8#2 or 7-8 ckt 'A B' for a circuit, 7-8@0.4 "

@@ -5,13 +5,13 @@ identifier: `7-8 ckt 2`, or with blanks and signs in quotes, `7-8 ckt 'A B'`. De
 models by bus number: the first of a model at machine 2 has the key 2 (int), the second "2#2" (str).
 """
 
-import difflib
 import re
 from collections import Counter
 from collections.abc import Iterable
 from typing import NamedTuple
 
 from stabctl._util.errors import StudyError, shown
+from stabctl._util.wording import near
 
 from . import tables
 from .tables import TABLES, Branch, Key, Tables
@@ -99,18 +99,6 @@ def known_table(case: Tables, name: str) -> str:
     if name in TABLES or name in tables.models():
         raise StudyError(f"{case.name} has no rows in {name}; it has {', '.join(known)}.")
     raise StudyError(f"There is no table {name!r} in {case.name}; {near(name, known)}")
-
-
-def near(wanted: str, known: Iterable[str]) -> str:
-    """End of a sentence: the names most similar to the one wanted, or the first few."""
-    known = list(known)
-    if re.fullmatch(r"[0-9]{1,18}", wanted) and all(name.isdecimal() for name in known):
-        known.sort(key=lambda name: abs(int(name) - int(wanted)))
-        return f"the nearest numbers are {', '.join(sorted(known[:3], key=int))}."
-    similar = difflib.get_close_matches(wanted, known, 3, 0.5)
-    if similar:
-        return f"did you mean {' or '.join(similar)}?"
-    return f"it has {', '.join(known[:8])}" + (f" and {len(known) - 8} more." if len(known) > 8 else ".")
 
 
 def keys(case: Tables, table: str) -> list[Key]:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl._util.errors import StudyError, shown
+from stabctl._util.wording import near
 from stabctl.model import naming
 from stabctl.model.case import Case
 
@@ -87,7 +88,7 @@ def chosen(case: Case, wanted: str | Iterable[str], rotors: Iterable[int]) -> tu
     for text in names:
         name, _, place = str(text).strip().partition(":")
         if name not in QUANTITIES:
-            raise StudyError(f"{shown(name)} is not a quantity of a run; {naming.near(name, QUANTITIES)}")
+            raise StudyError(f"{shown(name)} is not a quantity of a run; {near(name, QUANTITIES)}")
         of = QUANTITIES[name].of
         labels = _labels(case, of)
         rows = [*rotors] if of == "machine" else [*range(len(labels))]

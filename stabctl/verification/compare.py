@@ -20,7 +20,7 @@ from scipy.optimize import linear_sum_assignment
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
-from stabctl._util.wording import counted
+from stabctl._util.wording import counted, near
 from stabctl.clearing.critical_time import clearing_time
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.model import naming
@@ -247,7 +247,8 @@ def verify(
     """
     known, where = systems(), folder_of(folder)
     if system is not None and system not in known:
-        raise StudyError(f"There are no reference numbers of {shown(system)}; those of {', '.join(known)} are known.")
+        others = near(str(system), known, "the systems are")
+        raise StudyError(f"There are no reference numbers of {shown(system)}; {others}")
     rows: list[Comparison] = []
     missing, given = [], defaultdict(list)
     for row in published():

@@ -11,6 +11,7 @@ from systems import CLASSICAL, doubled, small
 from stabctl import io
 from stabctl._util.errors import CaseError, StabctlError, StudyError
 from stabctl._util.schema import fields
+from stabctl._util.wording import near
 from stabctl.dynamics import operating_point
 from stabctl.model import naming, powerflow, tables
 from stabctl.model.case import Case
@@ -91,7 +92,7 @@ def test_a_name_that_two_buses_have_is_none(case):
 
 @pytest.mark.parametrize("count", [1, 8, 9, 12])
 def test_all_names_that_could_be_meant_are_listed_or_counted(count):
-    said = naming.near("?", [f"n{i}" for i in range(count)]).removeprefix("it has ")
+    said = near("?", [f"n{i}" for i in range(count)]).removeprefix("it has ")
     listed, _, more = said.partition(" and ")
     assert len(listed.split(", ")) + int(more.partition(" more.")[0] or 0) == count
 
