@@ -23,7 +23,7 @@ from rich.table import Table
 
 from stabctl import io
 from stabctl.clearing import Search, screen
-from stabctl.clearing.screen import BUS, Shared, tasks
+from stabctl.clearing.screen import PLACE, Shared, tasks
 from stabctl.dynamics import operating_point
 from stabctl.jobs import Kind, store
 from stabctl.jobs.cluster import Cluster
@@ -67,7 +67,7 @@ def costs(client: Client) -> dict[str, Cost]:
         point = operating_point.solve(io.load(name))
         screen(point, "1cyc", scheduler=client.scheduler.address)  # loads the machine code
         study = lambda point=point, below=below, **how: screen(point, below, **how)  # noqa: E731
-        found[f"screen {name}"] = measured(client, BUS, Base(point), study)
+        found[f"screen {name}"] = measured(client, PLACE, Base(point), study)
     case = io.load("ieee39").classical()
     wanted = read(packaged("ieee39", True) or "", case)[:2]
     base = Base(operating_point.solve(case))

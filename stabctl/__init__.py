@@ -14,6 +14,7 @@ TYPE_CHECKING = False  # importing typing takes longer than the rest, and Ctrl-C
 if TYPE_CHECKING:
     from stabctl import design
     from stabctl._util.errors import StabctlError
+    from stabctl.assessment.study import Study, study
     from stabctl.clearing.critical_time import ClearingTime, clearing_time
     from stabctl.clearing.screen import screen
     from stabctl.clearing.screen_result import Screen
@@ -92,6 +93,7 @@ _WHERE = {
     "Siting": "placement.siting:Siting",
     "Storage": "model.tables:Storage",
     "StorageLaw": "controllers:StorageLaw",
+    "Study": "assessment:Study",
     "SwitchShunt": "simulation.events:SwitchShunt",
     "Trajectory": "simulation.trajectory:Trajectory",
     "TripMachine": "simulation.events:TripMachine",
@@ -124,6 +126,7 @@ _WHERE = {
     "short_circuit": "model.short_circuit:short_circuit",
     "short_circuit_ratio": "model.short_circuit:short_circuit_ratio",
     "simulate": "simulation.simulate:simulate",
+    "study": "assessment:study",
     "verify": "verification:verify",
     "weak_grid": "smallsignal.weak_grid:weak_grid",
     "write": "io:write",

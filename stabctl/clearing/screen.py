@@ -1,6 +1,6 @@
-"""The screen: every line fault of a case, one job per faulted bus, ranked by critical clearing time.
+"""The screen: every line fault of a case, or other contingencies, ranked by critical clearing time.
 
-A job finds the clearing times of faults at its bus, each cleared by opening another line there. Its row keeps them as
+A job finds the clearing times of faults at one place, each cleared by opening other circuits. Its row keeps them as
 plain values.
 """
 
@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stabctl._util.errors import StudyError
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import cycles
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.jobs import Found, Kind, Runner, Task
@@ -20,7 +20,6 @@ from stabctl.jobs.task import Base, sha256, text
 from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
-from stabctl.model.naming import Circuit
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control
 from stabctl.simulation.criterion import DEFAULT, Criterion
@@ -33,15 +32,17 @@ from .result import ClearingTime
 from .screen_result import Lines, Screen, lines
 from .trial import Margin, Run, Search, Trial
 
-FORMAT = 1
+FORMAT = 2
+FAULTS = "lines", "buses"
 ANSWER = "case", "status", "cycles", "seconds", "machine", "wall_s"
-NEAR = 0.5  # cycles   first stride from the answer of another line at the same bus
+NEAR = 0.5  # cycles   first stride from the answer of another contingency at the same place
 
 
 def screen(
     base: Case | OperatingPoint,
     below: str | float | None = None,
     *,
+    faults: str | Iterable[Contingency | str] = "lines",
     storage: "Fleet | None" = None,
     control: Control = None,
     resolution: str | float = "0.125cyc",
@@ -58,11 +59,12 @@ def screen(
     progress: Callable[[int, int], None] | None = None,
     each: Callable[[Sequence[ClearingTime]], None] | None = None,
 ) -> Screen:
-    """The critical clearing times of bolted faults at both ends of every line, cleared by opening that line.
+    """The critical clearing times of bolted faults at both ends of every line, or of other contingencies.
 
-    The search is that of `clearing_time`, with the same answers; only longer faults are not tried, and `monotone` of a
-    pair is therefore unknown (None). Lines whose opening splits the network, and circuits equal to a parallel one, are
-    left out. The answers do not depend on the number of threads.
+    A fault at the end of a line is cleared by opening that line. The search is that of `clearing_time`, with the same
+    answers; only longer faults are not tried, and `monotone` of a pair is therefore unknown (None). Lines whose opening
+    splits the network, and circuits equal to a parallel one, are left out. The answers do not depend on the number of
+    threads.
 
     Parameters
     ----------
@@ -70,20 +72,23 @@ def screen(
         The system; a case is initialized first.
     below : str or float, optional
         Clearing time from which on a pair is not listed: "8cyc", or seconds. Saves most of the work.
+    faults : str or iterable of Contingency or str
+        "lines": faults at both ends of every line. "buses": a fault at every bus, cleared without opening a circuit.
+        "lines, buses": both. Or the contingencies; their own clearing times are ignored. Default "lines".
     storage, control, resolution, limit, observe, longest, scan, step, criterion
         As in `clearing_time`.
     buses : int, str, or iterable of int, optional
-        Buses with a fault, "83, 102" or [83, 102]; by default both ends of every line.
+        Buses with a fault, "83, 102" or [83, 102]; by default all. Not for contingencies that are given.
     workers : int, optional
         Threads; by default one per core.
     store : str or Path, optional
-        Folder that keeps every faulted bus that is done, in screen.db; called again, the screen continues from there.
+        Folder that keeps what is done, place by place, in screen.db; called again, the screen continues from there.
     scheduler : str, optional
         Scheduler of a Dask cluster instead of threads: "tcp://host:8786".
     progress : callable, optional
         Called with the number of pairs done and the total.
     each : callable, optional
-        Called with the pairs of one faulted bus, as soon as they are found.
+        Called with the pairs of one place, as soon as they are found.
 
     Returns
     -------
@@ -92,7 +97,8 @@ def screen(
     Raises
     ------
     StudyError
-        If the grid has no points, there is no line to open, or the store or the cluster cannot be used.
+        If the grid has no points, there is no line to open, the case lacks what a contingency names, or the store or
+        the cluster cannot be used.
 
     Examples
     --------
@@ -114,22 +120,21 @@ def screen(
     )
     if below is not None:
         search = replace(search, limit_cycles=min(search.limit_cycles, _next(below, search, point.case)))
-    found = lines(point.case)
-    by_bus = _by_bus(point.case, found, buses)
+    found, places = _places(point.case, faults, buses)
     shared = Shared(Base(point), search, checked_control(control, point.case))
     began, pairs = time.perf_counter(), list[ClearingTime]()
-    simulations, size = 0, sum(map(len, by_bus.values()))
-    with Runner(BUS, store=store, workers=workers, scheduler=scheduler) as runner:
-        for _, row in runner.rows(tasks(by_bus, shared, runner.remote)):
-            of_bus = pairs_of(row, search)
-            pairs += of_bus
+    simulations, size = 0, sum(map(len, places.values()))
+    with Runner(PLACE, store=store, workers=workers, scheduler=scheduler) as runner:
+        for task, row in runner.rows(tasks(places, shared, runner.remote)):
+            here = pairs_of(row, task.job.contingencies, search)
+            pairs += here
             simulations += row["simulations"]
             if each:
-                each(of_bus)
+                each(here)
             if progress:
                 progress(len(pairs), size)
-    order = {pair: k for k, pair in enumerate((bus, str(line)) for bus in by_bus for line in by_bus[bus])}
-    pairs.sort(key=lambda p: (_rank(p), order[p.fault, p.trip[0]]))
+    order = {one: k for k, one in enumerate(one for several in places.values() for one in several)}
+    pairs.sort(key=lambda p: (_rank(p), order[p.contingency]))
     wall = time.perf_counter() - began
     whole = Screen(point.case.name, tuple(pairs), found, search, point.case.frequency_hz, size, simulations, wall)
     return whole if below is None else whole.below(below)
@@ -143,18 +148,39 @@ def _next(below: str | float, search: Search, case: Case) -> float:
     return math.ceil(longest / search.resolution_cycles - 1e-9) * search.resolution_cycles
 
 
-def _by_bus(case: Case, found: Lines, buses: int | str | Iterable[int] | None) -> dict[str, list[Circuit]]:
-    """Faulted bus -> the lines that are opened."""
-    wanted = _wanted(case, buses)
-    by_bus: dict[str, list[Circuit]] = {}
+def _places(
+    case: Case, faults: str | Iterable[Contingency | str], buses: int | str | Iterable[int] | None
+) -> tuple[Lines, dict[str, list[Contingency]]]:
+    """The lines screened, if they are, and place and impedance of a fault -> the contingencies with it."""
+    kinds = naming.listed(faults) if isinstance(faults, str) else []
+    if isinstance(faults, str) and not (kinds and {*kinds} <= {*FAULTS}):
+        raise StudyError(f"faults = {shown(faults)} is not allowed; give 'lines', 'buses', both, or contingencies.")
+    if not kinds and buses is not None:
+        raise StudyError("buses = ... chooses among the faults at lines and buses; leave it out with contingencies.")
+    wanted, found = _wanted(case, buses), lines(case) if "lines" in kinds else Lines((), (), ())
+    chosen = [] if isinstance(faults, str) else [_own(case, one) for one in faults]
     for circuit in found.screened:
-        for bus in (str(circuit.a), str(circuit.b)):
-            if wanted is None or bus in wanted:
-                by_bus.setdefault(bus, []).append(circuit)
-    if not by_bus:
+        chosen += [Contingency(bus, trip=circuit) for bus in map(str, circuit[:2]) if wanted is None or bus in wanted]
+    if "buses" in kinds:
+        every = (str(b.bus) for b in case.buses)
+        chosen += [Contingency(bus) for bus in every if wanted is None or bus in wanted]
+    if not chosen:
         where = "" if wanted is None else f" at bus {', '.join(sorted(wanted))}"
         raise StudyError(f"{case.name} has no line{where} that can be opened without splitting the network.")
-    return by_bus
+    places: dict[str, dict[Contingency, None]] = {}
+    for one in chosen:
+        places.setdefault(f"{one.fault} through {one.impedance}", {})[one] = None
+    return found, {place: [*several] for place, several in places.items()}
+
+
+def _own(case: Case, one: Contingency | str) -> Contingency:
+    """A contingency that is given, checked, without its clearing time."""
+    given = Contingency(one) if isinstance(one, str) else one
+    if not isinstance(given, Contingency) or given.fault is None:
+        raise StudyError(f"{shown(one)} has no fault whose clearing time could be found; give Contingency('7-8@0.4').")
+    placed = replace(given, clear=None).placed(case)
+    placed.with_clear(0.1).check(case)
+    return placed
 
 
 def _wanted(case: Case, buses: int | str | Iterable[int] | None) -> set[str] | None:
@@ -179,21 +205,22 @@ class Shared(NamedTuple):
     control: Control
 
 
-class FaultedBus(NamedTuple):
-    """The lines that are opened, one after the other, to clear a fault at a bus."""
+class FaultedPlace(NamedTuple):
+    """The contingencies with a fault at one place, one after the other."""
 
     case: str
     fault: str
-    trip: tuple[Circuit, ...]
+    contingencies: tuple[Contingency, ...]
     study: str  # search and control, as text
 
     def given(self) -> dict[str, Any]:
         """Column -> value."""
-        return self._asdict() | {"trip": ", ".join(map(str, self.trip))}
+        told = "; ".join(", ".join(map(str, one.opened)) for one in self.contingencies)
+        return {"case": self.case, "fault": self.fault, "trip": told, "study": self.study}
 
 
-def tasks(by_bus: dict[str, list[Circuit]], shared: Shared, identified: bool) -> list[Task]:
-    """A task for every faulted bus, from the lines that are opened there.
+def tasks(places: dict[str, list[Contingency]], shared: Shared, identified: bool) -> list[Task]:
+    """A task for every place of a fault.
 
     Unless `identified`, its key says nothing about case, search and control. Raises StudyError if a control cannot be
     identified.
@@ -201,16 +228,17 @@ def tasks(by_bus: dict[str, list[Circuit]], shared: Shared, identified: bool) ->
     case, found = shared.base.point.case, []
     study = text([shared.search, shared.control]) if identified else ""
     content = shared.base.fingerprint if identified else ""
-    for bus, circuits in by_bus.items():
-        job = FaultedBus(case.name, bus, tuple(circuits), study)
-        found.append(Task(sha256({"format": FORMAT, "job": job.given(), "case": content}), job, shared, BUS))
+    for several in places.values():
+        job = FaultedPlace(case.name, str(several[0].fault), tuple(several), study)
+        told = {"job": job.given(), "contingencies": text(several), "case": content}
+        found.append(Task(sha256({"format": FORMAT} | told), job, shared, PLACE))
     return found
 
 
 def run(task: Task) -> Found:
-    """The clearing times of a faulted bus."""
+    """The clearing times of the contingencies at one place."""
     job, (base, search, control) = task.job, task.shared
-    first, *others = (Contingency(job.fault, trip=one) for one in job.trip)
+    first, *others = job.contingencies
     trial = Trial(base.point, first, control, search)
     pairs = _pairs([trial, *map(trial.of, others)])
     shortest = min((p.cycles for p in pairs if p.cycles is not None), default=None)
@@ -220,7 +248,7 @@ def run(task: Task) -> Found:
 
 
 def _pairs(trials: list[Trial]) -> list[ClearingTime]:
-    """The clearing times of one faulted bus; the search of each begins at the longest answer so far."""
+    """The clearing times at one place; the search of each begins at the longest answer so far."""
     start, longest, pairs = first_try(trials[0]), -1, []
     for trial in trials:
         pairs.append(critical(trial, start))
@@ -233,9 +261,8 @@ def _pairs(trials: list[Trial]) -> list[ClearingTime]:
 
 
 def as_plain(found: ClearingTime) -> dict[str, Any]:
-    """The clearing time of a fault and the lines opened, without its search."""
-    answer = {name: getattr(found, name) for name in (*ANSWER, "fault", "trip")}
-    return answer | {"runs": [_run_as_plain(run) for run in found.runs]}
+    """A clearing time without its search and its contingency."""
+    return {name: getattr(found, name) for name in ANSWER} | {"runs": [_run_as_plain(run) for run in found.runs]}
 
 
 def _run_as_plain(run: Run) -> list[Any]:
@@ -244,14 +271,14 @@ def _run_as_plain(run: Run) -> list[Any]:
     return list(run._replace(margin=margin, swings=swings, stalled=list(run.stalled)))  # type: ignore[arg-type]
 
 
-def pairs_of(row: dict[str, Any], search: Search) -> list[ClearingTime]:
+def pairs_of(row: dict[str, Any], contingencies: Iterable[Contingency], search: Search) -> list[ClearingTime]:
     """The clearing times in a row."""
-    return [from_plain(one, search) for one in json.loads(row["pairs"])]
+    plain = json.loads(row["pairs"])
+    return [from_plain(one, of, search) for one, of in zip(plain, contingencies, strict=True)]
 
 
-def from_plain(plain: dict[str, Any], search: Search) -> ClearingTime:
+def from_plain(plain: dict[str, Any], contingency: Contingency, search: Search) -> ClearingTime:
     """The clearing time that was found by a search, from its plain values."""
-    contingency = Contingency(plain["fault"], trip=plain["trip"])
     runs = tuple(map(_run_from_plain, plain["runs"]))
     return ClearingTime(contingency=contingency, search=search, runs=runs, **{name: plain[name] for name in ANSWER})
 
@@ -266,7 +293,7 @@ def _run_from_plain(plain: list[Any]) -> Run:
     )
 
 
-BUS = Kind(
+PLACE = Kind(
     "screen",
     {"case": str, "fault": str, "trip": str, "study": str},
     {"simulations": int, "shortest_cycles": float, "pairs": str},

@@ -5,7 +5,7 @@ import io
 from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from stabctl._util import files
 from stabctl._util.errors import StudyError
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 OPEN = network.BranchState(from_closed=False, to_closed=False)
-COLUMNS = "fault", "trip", "cycles", "status", "machine", "limited_by"  # of a table
+COLUMNS = "fault", "trip", "cycles", "status", "machine", "limited_by", "name"  # of a table
 
 
 class Lines(NamedTuple):
@@ -113,15 +113,18 @@ class Screen:
         """Longest time (s) that a stable run was watched after clearing."""
         return max((p.observed_s for p in self.pairs), default=self.search.observed_s)
 
-    def rows(self) -> list[tuple[str, str, float | None, str, int | str | None, str | None]]:
+    def rows(self) -> list[tuple[Any, ...]]:
         """A row of `COLUMNS` for every pair.
 
         Examples
         --------
         >>> st.load("two_area").screen(below="10cyc").rows()
-        [('7', '7-8', 9.0, 'found', 4, 'synchronism')]
+        [('7', '7-8', 9.0, 'found', 4, 'synchronism', None)]
         """
-        return [(p.fault, ", ".join(p.trip), p.cycles, p.status, p.machine, p.limited_by) for p in self.pairs]
+        return [
+            (p.fault, ", ".join(p.trip), p.cycles, p.status, p.machine, p.limited_by, p.contingency.name)
+            for p in self.pairs
+        ]
 
     @property
     def df(self) -> "pd.DataFrame":
@@ -169,9 +172,14 @@ class Screen:
     def remarks(self) -> tuple[str, ...]:
         """How the pairs were found and what was left out, in sentences."""
         search, lost = self.search, [p for p in self.pairs if p.status == "unstable_at_zero"]
-        shown = f"{len(self.pairs)} of {self.screened} fault and trip pairs"
+        what = (
+            counted(self.screened, "contingency")
+            if not self.lines.screened
+            else f"{self.screened} fault and trip pairs"
+        )
+        shown = f"{len(self.pairs)} of {what}"
         if not self.pairs:
-            shown = f"all {self.screened} fault and trip pairs are stable for {search.limit_cycles:g} cycles"
+            shown = f"all {what} are stable for {search.limit_cycles:g} cycles"
         said = [
             f"{self.case}: {shown} (grid of {search.resolution_cycles:g} cycles up to {search.limit_cycles:g}, "
             f"observed {watched(search, self.observed_s)} after clearing, {self.simulations} simulations in "

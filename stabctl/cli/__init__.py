@@ -27,6 +27,7 @@ COMMANDS: dict[str, str | click.Command] = {
     "simulate": "simulate.simulate",
     "clearing-time": "clearing.clearing_time",
     "screen": "clearing.screen",
+    "study": "study.study",
     "place": "place.place",
     "estimate": "estimate.estimate",
     "modes": "linear.modes",

@@ -109,11 +109,20 @@ Below = Annotated[
     ),
 ]
 Out = Annotated[Path | None, Option("--out", help="Write the pairs to FILE.csv.")]
+Faults = Annotated[
+    str | None,
+    Option("--faults", help="lines (both ends of each, cleared by opening it: the default), buses, or lines,buses."),
+]
+Contingencies = Annotated[
+    Path | None, Option("--contingencies", metavar="FILE", help="Contingencies of a TOML file, instead.")
+]
 
 
 def screen(
     *,
     below: Below = None,
+    faults: Faults = None,
+    contingencies: Contingencies = None,
     search: groups.SearchOptions,
     control: options.Control = None,
     controller: options.Controllers = None,
@@ -131,17 +140,24 @@ def screen(
     as_json: options.Json = False,
 ) -> None:
     """Find the critical clearing times of faults at both ends of every line, cleared by opening it; shortest first."""
+    from stabctl._util.errors import StudyError
     from stabctl.clearing import screen
+    from stabctl.placement.contingencies import read
+
+    if contingencies is not None and faults is not None:
+        raise StudyError("--faults and --contingencies cannot be used together; give one of them.")
 
     shared.file(out, ".csv")
     shared.folder(report)
     loaded = case.load()
+    chosen = faults or "lines" if contingencies is None else read(contingencies, loaded)
     point = storage.initialize(loaded)
     steering = pmu.steering(*law.chosen(point.case, control, shared.controllers(controller)), estimator)
     with shared.progress("screening", 1.0) as tell:
         found = screen(
             point,
             below,
+            faults=chosen,
             control=steering,
             **search._asdict(),
             criterion=stability.criterion(loaded),
@@ -178,12 +194,15 @@ def _show_screen(found: "Screen", as_json: bool) -> None:
         return
     from rich.table import Table
 
-    table = Table("fault at bus", "trip", "critical clearing time, cycles", "limited by")
+    table = Table("fault at", "trip", "critical clearing time, cycles", "limited by")
+    named = any(p.contingency.name for p in found.pairs)
+    if named:
+        table.add_column("contingency")
     for p in found.pairs:
         longest = f"{found.search.limit_cycles:g} or more"
         shown = {"unstable_at_zero": "unstable at any", "stable_at_limit": longest}
         cycles = shown.get(p.status) or f"{p.cycles:g}"
-        table.add_row(p.fault, ", ".join(p.trip), cycles, p.limit)
+        table.add_row(p.fault, ", ".join(p.trip), cycles, p.limit, *[p.contingency.name or ""] * named)
     if found.pairs:
         shared.console().print(table)
     for sentence in found.remarks():

@@ -46,6 +46,10 @@ GUIDES = {
     "screen": Guide(
         "Find the clearing times of faults at all lines.", ("ieee39 --below 8cyc", "wnaps --report out --store jobs")
     ),
+    "study": Guide(
+        "Study the stability of a system.",
+        ("ieee39 --clear 6cyc --report out", "x.raw --clear 100ms --faults lines --store jobs --out study.xlsx"),
+    ),
     "place": Guide(
         "Find the cheapest storage for required clearing times.",
         ("ieee39 --classical --report out", "wnaps --sites 3 --cap 500MW"),

@@ -71,6 +71,7 @@ class OperatingPoint:
     simulate = verb("stabctl.simulation.simulate:simulate")
     clearing_time = verb("stabctl.clearing:clearing_time")
     screen = verb("stabctl.clearing:screen")
+    study = verb("stabctl.assessment:study")
     modes = verb("stabctl.smallsignal.analysis:modes")
     linearize = verb("stabctl.smallsignal:linearize")
     closed_loop = verb("stabctl.smallsignal.closed_loop:closed_loop")

@@ -10,7 +10,7 @@ import pytest
 import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.clearing import clearing_time, screen
-from stabctl.clearing.screen import BUS
+from stabctl.clearing.screen import PLACE
 from stabctl.controllers import BangBang
 from stabctl.jobs.store import rows
 from stabctl.model import location, naming
@@ -119,10 +119,10 @@ def screened(plain):
 def test_a_screen_has_the_same_clearing_times(case, screened, tmp_path):
     found = screen(case, **QUICK, store=tmp_path)
     assert by_row(case, found) == screened
-    kept = [dict(row) for row in rows(tmp_path / "screen.db", BUS)]
+    kept = [dict(row) for row in rows(tmp_path / "screen.db", PLACE)]
     again = screen(case, **QUICK, store=tmp_path)
     assert [vars(p) for p in again.pairs] == [vars(p) for p in found.pairs]
-    assert [dict(row) for row in rows(tmp_path / "screen.db", BUS)] == kept  # not run again
+    assert [dict(row) for row in rows(tmp_path / "screen.db", PLACE)] == kept  # not run again
     pair = found.pairs[0]
     one = clearing_time(case, Contingency(pair.fault, trip=pair.trip), **QUICK)
     assert (one.cycles, one.contingency.trip) == (pair.cycles, pair.contingency.trip)
@@ -135,7 +135,7 @@ def test_stored_rows_of_other_identifiers_are_not_taken(plain, tmp_path):
     other = replace(case, branches=tuple(k._replace(circuit=ids.get(k.circuit, k.circuit)) for k in case.branches))
     found, exchanged = (screen(one, **QUICK, buses=[7], store=tmp_path) for one in (case, other))
     assert by_row(case, found) == by_row(other, exchanged)
-    assert len(list(rows(tmp_path / "screen.db", BUS))) == 2
+    assert len(list(rows(tmp_path / "screen.db", PLACE))) == 2
 
 
 def test_a_location_is_printed_in_one_form(plain, tmp_path):

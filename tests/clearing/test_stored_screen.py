@@ -6,7 +6,7 @@ import pytest
 
 from stabctl._util.errors import StudyError
 from stabctl.clearing import screen
-from stabctl.clearing.screen import BUS, as_plain, from_plain
+from stabctl.clearing.screen import PLACE, as_plain, from_plain
 from stabctl.controllers import BangBang, Controller
 from stabctl.dynamics import operating_point
 from stabctl.jobs.store import rows
@@ -23,7 +23,7 @@ def undisturbed(point):
 
 
 def finished(folder):
-    return {row["key"]: row["finished"] for row in rows(folder / "screen.db", BUS)}
+    return {row["key"]: row["finished"] for row in rows(folder / "screen.db", PLACE)}
 
 
 def test_plain_values_give_the_clearing_time_back(undisturbed):

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from stabctl.clearing import screen
-from stabctl.clearing.screen import BUS
+from stabctl.clearing.screen import PLACE
 from stabctl.jobs.store import rows
 
 BELOW = "6cyc"
@@ -75,7 +75,7 @@ def test_a_lost_worker_and_a_lost_scheduler_change_no_row(points, cluster, tmp_p
     assert cluster.workers[0].poll() is not None
     assert found.rows() == alone.rows()
     assert found.simulations == alone.simulations
-    kept = rows(tmp_path / "store" / "screen.db", BUS)
+    kept = rows(tmp_path / "store" / "screen.db", PLACE)
     assert len(kept) == len(done) > 30
     assert len({row["worker"] for row in kept}) >= 2
     again = screen(point, below=BELOW, store=tmp_path / "store")  # from the store, without a cluster

@@ -217,14 +217,24 @@ def areas(ax: "Axes", line: OneLine, found: Areas, point: float) -> list[Label]:
 
 
 def screen(ax: "Axes", line: OneLine, found: Screen, point: float) -> list[Label]:
-    """Each half of a line in the color of the critical clearing time of a fault at its end, cleared by opening it."""
+    """Each half of a line in the color of the critical clearing time of a fault at its end, cleared by opening it.
+
+    A fault at a bus that opens nothing gives the bus this color. Other contingencies are not drawn.
+    """
     from matplotlib.cm import ScalarMappable
     from matplotlib.collections import LineCollection
     from matplotlib.colors import Normalize
 
     row = {name: k for k, name in enumerate(line.circuits)}
-    half, cycles, names = [], [], []
+    bus = {str(b.bus): k for k, b in enumerate(line.case.buses)}
+    half, cycles, told, at_bus = [], [], [], []
     for p in found.pairs:
+        limit = found.search.limit_cycles
+        time = 0.0 if p.status == "unstable_at_zero" else limit if p.cycles is None else p.cycles
+        if p.fault in bus and not p.trip:
+            at_bus.append((bus[p.fault], time, p.brief()))
+        if p.fault not in bus or len(p.trip) != 1:
+            continue
         if p.trip[0] not in row:
             raise StudyError(
                 f"{line.case.name} has no line {p.trip[0]}; draw the screen on the diagram of its own case."
@@ -232,16 +242,21 @@ def screen(ax: "Axes", line: OneLine, found: Screen, point: float) -> list[Label
         k = row[p.trip[0]]
         near = line.ends[k] if line.case.branches[k].from_bus == int(p.fault) else line.ends[k][::-1]
         half.append((near[0], near.mean(axis=0)))
-        limit = found.search.limit_cycles
-        cycles.append(0.0 if p.status == "unstable_at_zero" else limit if p.cycles is None else p.cycles)
-        names.append((k, p.fault))
+        cycles.append(time)
+        told.append(p.brief())
     ax.add_collection(LineCollection(list(line.ends), colors=GRAY, alpha=0.5, linewidths=1, zorder=1))
-    scale = Normalize(min(cycles, default=0.0), max(cycles, default=1.0))
+    every = [*cycles, *(time for _, time, _ in at_bus)]
+    scale = Normalize(min(every, default=0.0), max(every, default=1.0))
     order = np.argsort(cycles)[::-1]
     late = clearing_colors()
     colors = late(scale(np.array(cycles)[order])) if half else []
     halves = ax.add_collection(LineCollection([half[i] for i in order], colors=colors, linewidths=3, zorder=1.2))
-    style.name(halves, [found.pairs[i].brief() for i in order])
+    style.name(halves, [told[i] for i in order])
+    if at_bus:
+        places, times, texts = zip(*at_bus, strict=True)
+        x, y = line.buses[[*places]].T
+        disks = ax.scatter(x, y, s=(0.34 * point) ** 2, c=late(scale(times)), zorder=2.5)
+        style.name(disks, texts)
     ax.figure.colorbar(ScalarMappable(scale, late), ax=ax, label=LABEL, shrink=0.6, pad=0.01, aspect=25)
     first = sorted(range(len(cycles)), key=cycles.__getitem__)[:NAMED]
     middle = [0.75 * np.array(half[i][0]) + 0.25 * np.array(half[i][1]) for i in first]

@@ -1,0 +1,393 @@
+"""A stability study: is a system secure, what limits it, and by how much?
+
+Power flow, modes, a screen of faults and the worst of them, with the margin of each to a clearing time that protection
+guarantees and of the damping to a wanted value. Every number is that of the single study.
+"""
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from stabctl._util import files
+from stabctl._util.errors import StudyError
+from stabctl._util.tabular import Tabular, inert
+from stabctl._util.units import cycles, quantity
+from stabctl._util.verbs import verb
+from stabctl._util.wording import counted
+from stabctl.clearing import ClearingTime, Screen, screen
+from stabctl.dynamics.operating_point import OperatingPoint, operating_point
+from stabctl.model import powerflow
+from stabctl.model.case import Case
+from stabctl.model.fleet import Fleet
+from stabctl.model.powerflow import PowerFlow
+from stabctl.model.short_circuit import ShortCircuitRatio, installed, short_circuit_ratio
+from stabctl.model.unusual import UnusualData
+from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.control import Control
+from stabctl.simulation.criterion import DEFAULT, Criterion
+from stabctl.simulation.simulate import simulate
+from stabctl.simulation.trajectory import Trajectory
+from stabctl.smallsignal import Modes
+from stabctl.smallsignal.analysis import modes
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+BAND = 0.1, 3.0  # Hz   of the modes that are judged
+NORMAL = 0.95, 1.05  # pu   voltages in normal operation
+WORST = 10  # faults simulated
+SCREENED = 0.95  # share of the work that is done after the screen
+SHEET = ".xlsx"
+
+
+class Wanted(NamedTuple):
+    """What a system must fulfil."""
+
+    cycles: float  # clearing time that protection guarantees
+    damping: float  # damping ratio of every oscillation in `BAND`
+    voltages: tuple[float, float] = NORMAL  # pu   in normal operation
+
+
+class Margin(NamedTuple):
+    """A contingency with its critical clearing time."""
+
+    found: ClearingTime
+    cycles: float  # beyond the guaranteed clearing time; negative: not survived
+
+    @property
+    def secure(self) -> bool:
+        """Whether it is survived."""
+        return self.cycles >= 0
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Study(Tabular):
+    """A stability study; parts that are not done yet are None.
+
+    Attributes
+    ----------
+    point : OperatingPoint
+        The system at its operating point.
+    wanted : Wanted
+        What it must fulfil.
+    unusual : UnusualData
+        Data outside the usual ranges.
+    flow : PowerFlow
+        The power flow.
+    modes : Modes or None
+        The modes: all, or those of 0.1 to 3 Hz of a large system.
+    ratios : ShortCircuitRatio or None
+        Short-circuit ratios; None also without converters.
+    screen : Screen or None
+        Critical clearing times.
+    worst : tuple of Trajectory
+        Runs of the contingencies with the smallest margins, cleared after the guaranteed time.
+    how : Settings
+        How it was computed.
+    wall_s : float, s
+        Computing time.
+
+    Examples
+    --------
+    >>> study = st.study(st.load("two_area"), clear="10cyc", faults="lines", worst=1)
+    >>> study.secure, [round(margin.cycles, 3) for margin in study.margins]
+    (False, [-1.0, 5.875, 7.25, 7.25])
+    """
+
+    point: OperatingPoint
+    wanted: Wanted
+    unusual: UnusualData
+    flow: PowerFlow
+    how: "Settings"
+    modes: Modes | None = None
+    ratios: ShortCircuitRatio | None = None
+    screen: Screen | None = None
+    worst: tuple[Trajectory, ...] = ()
+    wall_s: float = 0.0
+
+    report = verb("stabctl.view.pages.study_page:write")
+
+    @cached_property
+    def margins(self) -> tuple[Margin, ...]:
+        """The contingencies, the smallest margin first."""
+        return tuple(Margin(p, _critical(p) - self.wanted.cycles) for p in self.screen.pairs) if self.screen else ()
+
+    @property
+    def insecure(self) -> tuple[Margin, ...]:
+        """The contingencies that are not survived with the guaranteed clearing time."""
+        return tuple(m for m in self.margins if not m.secure)
+
+    @property
+    def poorly_damped(self) -> tuple[int, ...]:
+        """Modes of `BAND` with less than the wanted damping ratio, the least damped first."""
+        if self.modes is None:
+            return ()
+        ratio = self.modes.damping_ratio
+        inside = [k for k in self.modes.within(*BAND) if ratio[k] < self.wanted.damping]
+        return tuple(sorted(inside, key=ratio.__getitem__))
+
+    @property
+    def low_or_high(self) -> tuple[tuple[int, float], ...]:
+        """Buses whose voltage (pu) is outside the normal range, the farthest first."""
+        low, high = self.wanted.voltages
+        size = np.abs(self.flow.V)
+        beyond = np.maximum(low - size, size - high)
+        rows = np.argsort(-beyond, kind="stable")[: int((beyond > 1e-9).sum())]
+        return tuple((self.flow.case.buses[k].bus, float(size[k])) for k in rows)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every part is done."""
+        return self.modes is not None and self.screen is not None
+
+    @property
+    def secure(self) -> bool:
+        """Whether every contingency is survived and every oscillation has the wanted damping.
+
+        Raises `StudyError` while a part is missing.
+        """
+        if not self.complete:
+            raise StudyError(f"The study of {self.point.case.name} is not complete, so it has no verdict yet.")
+        return not (self.insecure or self.poorly_damped)
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """A row for every contingency: fault, trip, required, critical and margin in cycles, what limits it."""
+        import pandas as pd
+
+        rows = [
+            (m.found.contingency.name or "", m.found.fault, ", ".join(m.found.trip), self.wanted.cycles)
+            + (_critical(m.found), m.cycles, m.found.limit)
+            for m in self.margins
+        ]
+        names = "name", "fault", "trip", "required_cycles", "critical_cycles", "margin_cycles", "limited_by"
+        return pd.DataFrame(rows, columns=names)
+
+    def tables(self) -> "dict[str, pd.DataFrame]":
+        """Every table of the study, by name.
+
+        Examples
+        --------
+        >>> [*st.study(st.load("two_area"), clear="6cyc", faults="lines", worst=1).tables()]
+        ['contingencies', 'worst', 'modes', 'buses', 'branches']
+        """
+        import pandas as pd
+
+        found = {"contingencies": self.df} if self.screen else {}
+        if self.worst:
+            rows = [
+                (m.found.contingency.label, run.outcome.kind.value, run.outcome.message, run.max_angle_from_coi_deg)
+                for m, run in zip(self.margins, self.worst, strict=False)
+            ]
+            found["worst"] = pd.DataFrame(rows, columns=["contingency", "outcome", "message", "largest_angle_deg"])
+        if self.modes is not None:
+            found["modes"] = self.modes.df
+        found |= {"buses": self.flow.df.reset_index(), "branches": self.flow.branches.reset_index()}
+        return found | ({"converters": self.ratios.df} if self.ratios else {})
+
+    def save(self, path: str | Path) -> Path:
+        """Write the contingencies to a .csv file, or all tables to the sheets of an .xlsx file.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write; an existing one is replaced only when the new one is complete.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        StudyError
+            For another ending, or a file that cannot be written.
+
+        Examples
+        --------
+        >>> st.study(st.load("two_area"), clear="6cyc", faults="lines", worst=1).save("study.csv")
+        PosixPath('study.csv')
+        """
+        if (path := files.path_of(path)).suffix.lower() != SHEET:
+            return super().save(path)
+        files.replace(path, _workbook(self.tables()))
+        return path
+
+    def remarks(self) -> list[str]:
+        """The answer, in sentences: contingencies, damping, voltages."""
+        case, wanted = self.point.case.name, self.wanted
+        said = []
+        if self.screen is not None:
+            number, lost = counted(self.screen.screened, "contingency"), self.insecure
+            if lost:
+                first = lost[0].found
+                said.append(
+                    f"{case}: {len(lost)} of {number} are not survived with a clearing time of {wanted.cycles:g} "
+                    f"cycles. The worst is {first.contingency.label}, critical after {_critical(first):g} cycles, "
+                    f"limited by {first.limit}."
+                )
+            else:
+                margin = min((m.cycles for m in self.margins), default=None)
+                least = f"; the smallest margin is {margin:g} cycles" if margin is not None else ""
+                said.append(f"{case}: all of {number} are survived with {wanted.cycles:g} cycles{least}.")
+        if self.modes is not None:
+            worst = self.modes.least_damped()
+            if few := self.poorly_damped:
+                said.append(
+                    f"{counted(len(few), 'oscillation')} of {BAND[0]:g} to {BAND[1]:g} Hz with a damping ratio below "
+                    f"{wanted.damping:g}; the least damped: {self.modes.mode(few[0])}."
+                )
+            elif worst:
+                said.append(
+                    f"All oscillations of {BAND[0]:g} to {BAND[1]:g} Hz have a damping ratio of at least "
+                    f"{wanted.damping:g}; the least damped: {self.modes.mode(worst[0])}."
+                )
+        low, high = wanted.voltages
+        outside = ", ".join(f"bus {bus} {size:.3f} pu" for bus, size in self.low_or_high[:5])
+        more = f" and {len(self.low_or_high) - 5} more" if len(self.low_or_high) > 5 else ""
+        if outside:
+            said.append(f"Voltages outside {low:g} to {high:g} pu in normal operation: {outside}{more}.")
+        if self.unusual.findings:
+            said.append(f"{counted(len(self.unusual.findings), 'value')} of the data are unusual; see stabctl check.")
+        return said
+
+    def __str__(self) -> str:
+        return "\n".join(self.remarks())
+
+
+class Settings(NamedTuple):
+    """How a study is computed."""
+
+    faults: Any
+    control: Control
+    worst: int
+    search: dict[str, Any]
+
+
+def _critical(found: ClearingTime) -> float:
+    """Critical clearing time, cycles: 0 if there is none, the limit of the search if it is longer."""
+    return found.search.limit_cycles if found.status == "stable_at_limit" else found.cycles or 0.0
+
+
+def study(
+    base: Case | OperatingPoint,
+    clear: str | float = "6cyc",
+    *,
+    damping: str | float = 0.05,
+    voltages: tuple[float, float] = NORMAL,
+    faults: str | Iterable[Contingency | str] = "lines, buses",
+    worst: int = WORST,
+    storage: "Fleet | None" = None,
+    control: Control = None,
+    criterion: Criterion = DEFAULT,
+    workers: int | None = None,
+    store: str | Path | None = None,
+    scheduler: str | None = None,
+    progress: Callable[[float, str], None] | None = None,
+    each: Callable[[Study], None] | None = None,
+    **search: Any,
+) -> Study:
+    """Study the stability of a system: power flow, modes, a screen of faults, and the worst of them simulated.
+
+    Parameters
+    ----------
+    base : Case or OperatingPoint
+        The system; a case is initialized first.
+    clear : str or float
+        Clearing time that protection guarantees: "6cyc", "100ms", or seconds. Default "6cyc".
+    damping : str or float
+        Damping ratio that every oscillation of 0.1 to 3 Hz must have: 0.05 or "5%". Default 0.05.
+    voltages : tuple of float, pu
+        Range of the voltages in normal operation.
+    faults
+        As in `screen`: "lines", "buses", both (the default), or contingencies.
+    worst : int
+        Number of contingencies that are simulated with this clearing time, those with the smallest margins. Default 10.
+    storage, control, criterion
+        As in `simulate`; the modes are those without the control.
+    workers, store, scheduler
+        As in `screen`: with a store, an interrupted study goes on.
+    progress : callable, optional
+        Called with the share that is done, and the name of the part under way.
+    each : callable, optional
+        Called with the study as far as it is done, after every part.
+    **search
+        Further arguments of `screen`: resolution, limit, observe, longest, scan, step.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    StudyError
+        If an argument is not possible, or the power flow, the initialization or a part has no result.
+
+    Examples
+    --------
+    >>> print(st.study(st.load("two_area"), clear="6cyc", faults="lines", worst=1))
+    two_area: all of 4 contingencies are survived with 6 cycles; the smallest margin is 3 cycles.
+    All oscillations of 0.1 to 3 Hz have a damping ratio of at least 0.05; the least damped: ...
+    """
+    began, point = time.perf_counter(), operating_point(base, storage)
+    case = point.case
+    wanted = Wanted(cycles(clear, case.frequency_hz), quantity(damping, "-"), voltages)
+    if not (wanted.cycles > 0 and 0 <= wanted.damping < 1 and voltages[0] < voltages[1] and worst >= 0):
+        raise StudyError(
+            f"A clearing time of {wanted.cycles:g} cycles, a damping ratio of {wanted.damping:g}, voltages of "
+            f"{voltages[0]:g} to {voltages[1]:g} pu and {worst} runs cannot be studied; the first must be above 0, the "
+            "second from 0 to 1, and the third a range."
+        )
+    tell = progress or (lambda _share, _part: None)
+    search = {**search, "control": control, "criterion": criterion}
+    known = {name: search[name] for name in ("control", "criterion", "step") if search.get(name) is not None}
+    found = Study(point, wanted, case.check(), powerflow.solve(case), Settings(faults, control, worst, search))
+
+    def parts() -> Iterator[Study]:
+        now = found
+        yield now
+        tell(0.0, "modes")
+        yield (now := replace(now, modes=modes(point, BAND)))
+        if installed(case):
+            yield (now := replace(now, ratios=short_circuit_ratio(case)))
+        done = screen(
+            point,
+            faults=faults,
+            workers=workers,
+            store=store,
+            scheduler=scheduler,
+            progress=lambda done, total: tell(SCREENED * done / total, "faults"),
+            **search,
+        )
+        yield (now := replace(now, screen=done))
+        until = 1.0 + wanted.cycles / case.frequency_hz + done.search.observed_s
+        every = (m.found.contingency.with_clear(wanted.cycles / case.frequency_hz, "1s") for m in now.margins[:worst])
+        yield replace(now, worst=tuple(simulate(point, one, until, **known) for one in every))
+
+    whole = found
+    for whole in parts():
+        whole = replace(whole, wall_s=time.perf_counter() - began)
+        if each:
+            each(whole)
+    return whole
+
+
+def _workbook(tables: "dict[str, pd.DataFrame]") -> bytes:
+    """The tables as the sheets of a workbook. Text that begins like a formula has an apostrophe before it."""
+    import io
+
+    import pandas as pd
+
+    content = io.BytesIO()
+    with pd.ExcelWriter(content, engine="openpyxl") as book:
+        for name, frame in tables.items():
+            kept = frame.copy()
+            for column in kept.select_dtypes(exclude="number"):
+                kept[column] = kept[column].map(lambda value: inert(value) if isinstance(value, str) else value)
+            kept.to_excel(book, sheet_name=name, index=False, freeze_panes=(1, 0))
+    return content.getvalue()

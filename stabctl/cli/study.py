@@ -1,0 +1,113 @@
+"""stabctl study: is a system secure, what limits it, and by how much."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from . import groups, options, shared
+from .clearing import Contingencies
+from .parameters import Option
+
+if TYPE_CHECKING:
+    from stabctl.assessment import Study
+
+INSECURE = 1  # exit code
+Clear = Annotated[
+    str,
+    Option("--clear", metavar="TIME", parser=options.time, help="Clearing time that protection guarantees, s or 6cyc."),
+]
+Damping = Annotated[
+    float,
+    Option("--damping", metavar="RATIO", parser=options.in_unit("-"), help="Damping ratio wanted: 0.05 or 5%."),
+]
+Worst = Annotated[int, Option("--worst", min=0, help="Number of contingencies simulated, the worst first.")]
+Faults = Annotated[str | None, Option("--faults", help="lines, buses, or lines,buses (the default).")]
+Out = Annotated[Path | None, Option("--out", help="Write all tables to FILE.xlsx, or the contingencies to FILE.csv.")]
+
+
+def study(
+    *,
+    clear: Clear = "6cyc",
+    damping: Damping = 0.05,
+    faults: Faults = None,
+    contingencies: Contingencies = None,
+    worst: Worst = 10,
+    search: groups.SearchOptions,
+    control: options.Control = None,
+    controller: options.Controllers = None,
+    storage: groups.StorageOptions,
+    law: groups.LawOptions,
+    stability: groups.StabilityOptions,
+    workers: options.Workers = None,
+    store: options.Store = None,
+    scheduler: options.Scheduler = None,
+    out: Out = None,
+    report: options.Report = None,
+    case: groups.CaseOptions,
+    as_json: options.Json = False,
+) -> int:
+    """Study the stability of a system. The exit code is 1 if it is not secure."""
+    from stabctl._util.errors import StudyError
+    from stabctl.assessment import study
+    from stabctl.placement.contingencies import read
+
+    if contingencies is not None and faults is not None:
+        raise StudyError("--faults and --contingencies cannot be used together; give one of them.")
+    shared.file(out, ".xlsx", ".csv")
+    shared.folder(report)
+    loaded = case.load()
+    chosen: Any = faults or "lines, buses" if contingencies is None else read(contingencies, loaded)
+    point = storage.initialize(loaded)
+    chosen_law, own = law.chosen(point.case, control, shared.controllers(controller))
+    steering: Any = [*([chosen_law] if chosen_law else []), *own] or None
+
+    def partly(found: "Study") -> None:
+        if report:
+            found.report(report)
+
+    with shared.progress("study", 1.0) as tell:
+        found = study(
+            point,
+            clear,
+            damping=damping,
+            faults=chosen,
+            worst=worst,
+            control=steering,
+            criterion=stability.criterion(loaded),
+            workers=workers,
+            store=store,
+            scheduler=scheduler,
+            progress=tell,
+            each=partly,
+            **search._asdict(),
+        )
+    written = [found.save(out) if out else None, found.report(report) if report else None]
+    _show(found, as_json)
+    shared.written(written, as_json)
+    return 0 if found.secure else INSECURE
+
+
+def _show(found: "Study", as_json: bool) -> None:
+    if as_json:
+        tables = {name: frame.astype(object).where(frame.notna(), None) for name, frame in found.tables().items()}
+        record = {name: frame.to_dict("records") for name, frame in tables.items()}
+        head = {"case": found.point.case.name, "secure": found.secure, "wall_s": found.wall_s}
+        wanted = {"required_cycles": found.wanted.cycles, "required_damping": found.wanted.damping}
+        shared.print_json(head | wanted | {"remarks": found.remarks()} | record)
+        return
+    from rich.table import Table
+
+    from stabctl.view.pages.clearing_pages import cycles
+
+    table = Table("fault at", "trip", "critical, cycles", "margin, cycles", "limited by", "contingency")
+    table.columns[2].justify = table.columns[3].justify = "right"
+    named = any(m.found.contingency.name for m in found.margins)
+    if not named:
+        table.columns.pop()
+    for m in found.margins[: len(found.worst)]:
+        p = m.found
+        cells = p.fault, ", ".join(p.trip), cycles(p), f"{m.cycles:+g}", p.limit
+        table.add_row(*cells, *[p.contingency.name or ""] * named)
+    if found.worst:
+        shared.console().print(table)
+    for sentence in found.remarks():
+        shared.console().print(sentence)

@@ -1,0 +1,204 @@
+"""The page of a stability study: the answer, the contingencies by margin, the worst runs, modes, data."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from stabctl._util.wording import number
+from stabctl.assessment import Study
+from stabctl.assessment.study import BAND, Margin
+
+from ..figures import clearing, grid_strength, one_line
+from ..figures import modes as eigenvalues
+from ..figures import trajectory as curves
+from ..figures.palette import INK
+from . import pattern
+from .clearing_pages import cycles
+from .pattern import Page, Part, Section, Text, figure, table
+
+MOST = 500  # buses of a one-line diagram
+DRAWN = 3  # of the worst runs, whose curves are shown
+HEADS = "contingency", "opened to clear it", "critical (cycles)", "margin (cycles)", "limited by"
+RUNS = "contingency", "outcome", "largest change of angle (deg)", "lowest voltage after clearing (pu)", "what happens"
+MODES = "mode", "frequency (Hz)", "damping ratio (%)", "main participants"
+
+
+def page(study: Study) -> Page:
+    """Return the page of a study, as far as it is done."""
+    case = study.point.case
+    verdict = (study.secure and "secure") or "not secure" if study.complete else "in progress"
+    missing = [name for name, part in (("modes", study.modes), ("contingencies", study.screen)) if part is None]
+    open_parts = [f"This page is not complete: {' and '.join(missing)} are still computed."] if missing else []
+    return Page(
+        f"{case.name}_study",
+        f"Stability of {case.name}",
+        [*([case.title] if case.title else []), *open_parts, *study.remarks()],
+        [(verdict, f"with a clearing time of {study.wanted.cycles:g} cycles"), *_numbers(study)],
+        [
+            Section("Contingencies", list(_contingencies(study))),
+            Section("The worst contingencies", list(_worst(study))),
+            Section("Oscillations", list(_modes(study))),
+            Section("Grid strength at converters", list(_ratios(study))),
+            Section("Operating point", list(_operating_point(study))),
+            Section("Unusual data", [Text(sentence) for sentence in study.unusual.sentences()]),
+            Section("What was studied", [Text(sentence, soft=True) for sentence in _scope(study)]),
+            Section("In Python", [Text("Each number again, by the command that computes it alone:"), *_lines(study)]),
+        ],
+    )
+
+
+def write(study: Study, folder: str | Path) -> Path:
+    """Write the page into a folder as CASE_study.html and return its path.
+
+    Parameters
+    ----------
+    study
+        The study, whole or as far as it is done.
+    folder
+        Folder of the page, created if it is missing.
+
+    Raises
+    ------
+    StudyError
+        If the folder cannot be created or written to.
+
+    Examples
+    --------
+    >>> st.study(st.load("two_area"), clear="6cyc", faults="lines", worst=1).report("pages")
+    PosixPath('pages/two_area_study.html')
+    """
+    return pattern.write(page(study), folder)
+
+
+def _numbers(study: Study) -> Iterator[tuple[str, str]]:
+    """The numbers at the top."""
+    if study.margins:
+        yield f"{study.margins[0].cycles:+g}", "cycles, the smallest margin"
+        yield f"{len(study.insecure)} of {len(study.margins)}", "contingencies not survived"
+    if study.modes is not None and (worst := study.modes.least_damped()):
+        yield f"{100 * study.modes.damping_ratio[worst[0]]:.2f} %", "damping ratio of the least damped oscillation"
+    if study.low_or_high:
+        yield str(len(study.low_or_high)), "buses with a voltage outside the normal range"
+
+
+def _contingencies(study: Study) -> Iterator[Part]:
+    if study.screen is None or not study.screen.pairs:
+        return
+    bars = clearing.plot_screen(study.screen)
+    bars.axvline(study.wanted.cycles, color=INK, linestyle="--", linewidth=1)
+    yield figure(
+        bars,
+        "The shortest critical clearing times.",
+        f"Labeled with what limits them. Dashed: the {study.wanted.cycles:g} cycles that protection guarantees.",
+    )
+    if len(study.point.case.buses) <= MOST:
+        yield figure(
+            one_line.plot(study.point, study.screen),
+            "Clearing times on the network.",
+            "Each half of a line has the color of a fault at its end, cleared by opening the line; a bus, that of a "
+            "fault cleared without opening a line.",
+        )
+    note = f"Margin: critical clearing time minus the {study.wanted.cycles:g} cycles guaranteed. In red: not survived."
+    rows = [_row(m) for m in study.margins]
+    yield table(HEADS, rows, note, classes=["" if m.secure else "unstable" for m in study.margins])
+
+
+def _row(m: Margin) -> tuple[str, ...]:
+    p = m.found
+    place = p.fault if "-" in p.fault else f"bus {p.fault}"
+    return p.contingency.name or place, ", ".join(p.trip), cycles(p), f"{m.cycles:+g}", p.limit
+
+
+def _worst(study: Study) -> Iterator[Part]:
+    if not study.worst:
+        return
+    rows = []
+    for m, run in zip(study.margins, study.worst, strict=False):
+        after = run.time >= run.happened.changes[-1].at - 1e-9
+        lowest = f"{np.abs(run.arrays.V[after]).min():.3f}" if after.any() else ""
+        outcome = run.outcome.kind.value.replace("_", " ")
+        rows.append(
+            (m.found.contingency.label, outcome, f"{run.max_angle_from_coi_deg:.1f}", lowest, run.outcome.message)
+        )
+    yield table(RUNS, rows, f"Simulated with a clearing time of {study.wanted.cycles:g} cycles.")
+    for m, run in zip(study.margins[:DRAWN], study.worst[:DRAWN], strict=False):
+        drawn = curves.overview(run)
+        drawn.suptitle("")
+        yield figure(drawn, f"{m.found.contingency.label}.", run.outcome.message)
+
+
+def _modes(study: Study) -> Iterator[Part]:
+    modes = study.modes
+    if modes is None:
+        return
+    yield figure(
+        eigenvalues.plot_modes(modes),
+        "Eigenvalues.",
+        "Dashed lines mark constant damping ratios. Modes that are better damped or faster are not shown.",
+    )
+    shown = sorted({*modes.swings(), *modes.least_damped(), *study.poorly_damped}, key=lambda k: modes.damping_ratio[k])
+    rows, classes = [], []
+    for k in shown:
+        m = modes.mode(k)
+        who = ", ".join(f"{p.state} {100 * p.share:.0f} %" for p in m.participation[:4])
+        rows.append((m.label, number(m.frequency_hz, 3), number(100 * m.damping_ratio, 2), who))
+        classes.append("unstable" if k in study.poorly_damped else "")
+    note = (
+        f"Electromechanical modes, the least damped first, and others of {BAND[0]:g} to {BAND[1]:g} Hz with less than "
+        f"{100 * study.wanted.damping:g} % (in red). Participants: participation factors, in percent of the sum of all."
+    )
+    yield table(MODES, rows, note, classes=classes)
+
+
+def _ratios(study: Study) -> Iterator[Part]:
+    if study.ratios is None:
+        return
+    found = study.ratios
+    yield figure(
+        grid_strength.plot_short_circuit_ratio(found),
+        "Short-circuit ratios.",
+        "Below the dashed line, 3, a grid is called weak (IEEE Std 1204).",
+    )
+    rows = [
+        (name, str(bus), f"{mva:.1f}", f"{ratio:.2f}", f"{equivalent:.2f}")
+        for name, bus, mva, ratio, equivalent in zip(
+            found.converters, found.buses, found.rated_mva, found.ratio, found.equivalent, strict=True
+        )
+    ]
+    yield table(("converter", "bus", "rating (MVA)", "SCR", "ESCR"), rows)
+
+
+def _operating_point(study: Study) -> Iterator[Part]:
+    low, high = study.wanted.voltages
+    yield Text(f"{study.flow}.")
+    if study.low_or_high:
+        rows = [(str(bus), f"{size:.4f}") for bus, size in study.low_or_high]
+        yield table(("bus", "voltage (pu)"), rows, f"Buses outside {low:g} to {high:g} pu.")
+
+
+def _scope(study: Study) -> list[str]:
+    """What the verdict rests on, and what was not looked at."""
+    remarks = list(study.screen.remarks()) if study.screen else []
+    return [
+        *remarks,
+        "Three-phase faults without impedance, unless a contingency says otherwise. Loading of lines is not compared "
+        "with ratings, which cases do not have; protection other than the clearing of the fault is not modeled.",
+        *(["The modes are those without storage laws and controllers."] if study.how.control is not None else []),
+    ]
+
+
+def _lines(study: Study) -> Iterator[Part]:
+    """The lines of Python that compute the numbers again."""
+    name, wanted = study.point.case.name, study.wanted
+    every = [
+        f'base = st.load("{name}").initialize()',
+        "base.power_flow(); base.case.check()",
+        f"base.modes(({BAND[0]:g}, {BAND[1]:g}))",
+        f"base.screen(faults={study.how.faults!r})" if isinstance(study.how.faults, str) else "base.screen(faults=...)",
+    ]
+    for m in study.margins[: len(study.worst)]:
+        c = m.found.contingency
+        trip = f", trip={', '.join(map(str, c.trip))!r}" if c.trip else ""
+        every.append(f"base.simulate(st.Contingency({str(c.fault)!r}, clear='{wanted.cycles:g}cyc'{trip}))")
+    yield pattern.made("lines.html", lines=every)
