@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -32,7 +33,7 @@ def installed(tmp_path_factory):
 def test_the_wheel_holds_templates_and_not_the_reproduction(installed):
     (wheel,) = installed.parents[2].glob("*.whl")
     names = zipfile.ZipFile(wheel).namelist()
-    assert {f"stabctl/view/pages/templates/{name}" for name in ("base.html", "modes.html", "style.css")} <= set(names)
+    assert {f"stabctl/view/pages/templates/{name}" for name in ("base.html", "page.html", "style.css")} <= set(names)
     assert {name.split("/")[0] for name in names if "dist-info" not in name} == {"stabctl"}
     assert not [name for name in names if "reproduction" in name]
 
@@ -122,12 +123,15 @@ def test_the_tour_of_the_readme_runs_without_numba(installed, compiled, tmp_path
         "XDG_CACHE_HOME": str(tmp_path / "cache"),
         "PYTHONPATH": f"{tmp_path}:{compiled}",
         "COLUMNS": "100",
+        "TTY_COMPATIBLE": "1",
+        "TERM": "xterm",
+        "NO_COLOR": "1",
     }
 
     def run(*words):
         done = subprocess.run([installed, *words], capture_output=True, text=True, cwd=tmp_path, env=where)
         assert done.returncode == 0, done.stderr
-        return done.stdout + done.stderr
+        return re.sub(r"\x1b\[[\d;]*m", "", done.stdout) + done.stderr
 
     blocks = [(fence.info, fence.content) for fence in tokens(ROOT / "README.md") if fence.type == "fence"]
     code, shown = ("".join(text for info, text in blocks if info == kind) for kind in ("python", "text"))
