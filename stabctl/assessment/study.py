@@ -20,6 +20,7 @@ from stabctl._util.units import cycles, quantity
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.clearing import ClearingTime, Screen, screen
+from stabctl.clearing.screen_result import Lines
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.model import powerflow
 from stabctl.model.case import Case
@@ -42,6 +43,7 @@ BAND = 0.1, 3.0  # Hz   of the modes that are judged
 NORMAL = 0.95, 1.05  # pu   voltages in normal operation
 WORST = 10  # faults simulated
 SCREENED = 0.95  # share of the work that is done after the screen
+EVERY = 20.0  # s   between two partial studies during the screen
 SHEET = ".xlsx"
 
 
@@ -142,8 +144,8 @@ class Study(Tabular):
 
     @property
     def complete(self) -> bool:
-        """Whether every part is done."""
-        return self.modes is not None and self.screen is not None
+        """Whether every part is done, and every contingency screened."""
+        return self.modes is not None and self.screen is not None and len(self.screen.pairs) == self.screen.screened
 
     @property
     def secure(self) -> bool:
@@ -223,11 +225,12 @@ class Study(Tabular):
         case, wanted = self.point.case.name, self.wanted
         said = []
         if self.screen is not None:
-            number, lost = counted(self.screen.screened, "contingency"), self.insecure
+            number, lost = counted(len(self.screen.pairs), "contingency"), self.insecure
+            number += "" if self.complete else " screened so far"
             if lost:
                 first = lost[0].found
                 said.append(
-                    f"{case}: {len(lost)} of {number} are not survived with a clearing time of {wanted.cycles:g} "
+                    f"{case}: {len(lost)} of {number} {'is' if len(lost) == 1 else 'are'} not survived with a clearing time of {wanted.cycles:g} "
                     f"cycles. The worst is {first.contingency.label}, critical after {_critical(first):g} cycles, "
                     f"limited by {first.limit}."
                 )
@@ -240,15 +243,15 @@ class Study(Tabular):
             if few := self.poorly_damped:
                 said.append(
                     f"{counted(len(few), 'oscillation')} of {BAND[0]:g} to {BAND[1]:g} Hz with a damping ratio below "
-                    f"{wanted.damping:g}; the least damped: {self.modes.mode(few[0])}."
+                    f"{wanted.damping:g}; the least damped: {_named(self.modes, few[0])}."
                 )
             elif worst:
                 said.append(
                     f"All oscillations of {BAND[0]:g} to {BAND[1]:g} Hz have a damping ratio of at least "
-                    f"{wanted.damping:g}; the least damped: {self.modes.mode(worst[0])}."
+                    f"{wanted.damping:g}; the least damped: {_named(self.modes, worst[0])}."
                 )
         low, high = wanted.voltages
-        outside = ", ".join(f"bus {bus} {size:.3f} pu" for bus, size in self.low_or_high[:5])
+        outside = ", ".join(f"bus {bus} {size:.4f} pu" for bus, size in self.low_or_high[:5])
         more = f" and {len(self.low_or_high) - 5} more" if len(self.low_or_high) > 5 else ""
         if outside:
             said.append(f"Voltages outside {low:g} to {high:g} pu in normal operation: {outside}{more}.")
@@ -272,6 +275,11 @@ class Settings(NamedTuple):
 def _critical(found: ClearingTime) -> float:
     """Critical clearing time, cycles: 0 if there is none, the limit of the search if it is longer."""
     return found.search.limit_cycles if found.status == "stable_at_limit" else found.cycles or 0.0
+
+
+def _named(found: Modes, k: int) -> str:
+    """Frequency, damping ratio and name of a mode."""
+    return f"{found.frequency_hz[k]:.3f} Hz, damping ratio {found.damping_ratio[k]:.4f} ({found.label(k)})"
 
 
 def study(
@@ -315,7 +323,7 @@ def study(
     progress : callable, optional
         Called with the share that is done, and the name of the part under way.
     each : callable, optional
-        Called with the study as far as it is done, after every part.
+        Called with the study as far as it is done: after every part, and during the screen every 20 s.
     **search
         Further arguments of `screen`: resolution, limit, observe, longest, scan, step.
 
@@ -362,6 +370,7 @@ def study(
             store=store,
             scheduler=scheduler,
             progress=lambda done, total: tell(SCREENED * done / total, "faults"),
+            each=Partly(now, each) if each else None,
             **search,
         )
         yield (now := replace(now, screen=done))
@@ -370,11 +379,32 @@ def study(
         yield replace(now, worst=tuple(simulate(point, one, until, **known) for one in every))
 
     whole = found
-    for whole in parts():
-        whole = replace(whole, wall_s=time.perf_counter() - began)
+    for part in parts():
+        whole = replace(part, wall_s=time.perf_counter() - began)
         if each:
             each(whole)
     return whole
+
+
+class Partly:
+    """Tells of a study during its screen, with the contingencies that are done."""
+
+    def __init__(self, study: Study, each: Callable[[Study], None]) -> None:
+        self.study, self.each = study, each
+        self.pairs: list[ClearingTime] = []
+        self.last = time.monotonic()
+
+    def __call__(self, pairs: Iterable[ClearingTime]) -> None:
+        """These contingencies are done, too."""
+        self.pairs += pairs
+        if time.monotonic() - self.last < EVERY:
+            return
+        case, search = self.study.point.case, self.pairs[0].search
+        done = tuple(sorted(self.pairs, key=_critical))
+        runs = sum(len(p.runs) for p in done)
+        so_far = Screen(case.name, done, Lines((), (), ()), search, case.frequency_hz, 0, runs, 0.0)
+        self.each(replace(self.study, screen=so_far))
+        self.last = time.monotonic()
 
 
 def _workbook(tables: "dict[str, pd.DataFrame]") -> bytes:

@@ -113,16 +113,24 @@ class Screen:
         """Longest time (s) that a stable run was watched after clearing."""
         return max((p.observed_s for p in self.pairs), default=self.search.observed_s)
 
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the table; the last, `name`, is that of a contingency, if there is one with a name."""
+        return COLUMNS if any(p.contingency.name for p in self.pairs) else COLUMNS[:-1]
+
     def rows(self) -> list[tuple[Any, ...]]:
-        """A row of `COLUMNS` for every pair.
+        """A row of `columns` for every pair.
 
         Examples
         --------
         >>> st.load("two_area").screen(below="10cyc").rows()
-        [('7', '7-8', 9.0, 'found', 4, 'synchronism', None)]
+        [('7', '7-8', 9.0, 'found', 4, 'synchronism')]
         """
+        columns = self.columns
         return [
-            (p.fault, ", ".join(p.trip), p.cycles, p.status, p.machine, p.limited_by, p.contingency.name)
+            (p.fault, ", ".join(p.trip), p.cycles, p.status, p.machine, p.limited_by, p.contingency.name)[
+                : len(columns)
+            ]
             for p in self.pairs
         ]
 
@@ -134,7 +142,7 @@ class Screen:
         """
         import pandas as pd
 
-        return machine_column(pd.DataFrame(self.rows(), columns=COLUMNS).astype({"cycles": float}))
+        return machine_column(pd.DataFrame(self.rows(), columns=self.columns).astype({"cycles": float}))
 
     def save(self, path: str | Path) -> Path:
         """Write the pairs to a CSV file, atomically.
@@ -164,7 +172,7 @@ class Screen:
             raise StudyError(f"The file {path.name!r} must end in .csv.")
         text = io.StringIO()
         csv.writer(text).writerows(
-            [COLUMNS, *([inert(c) if isinstance(c, str) else c for c in r] for r in self.rows())]
+            [self.columns, *([inert(c) if isinstance(c, str) else c for c in r] for r in self.rows())]
         )
         files.replace(path, text.getvalue())
         return path

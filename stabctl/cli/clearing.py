@@ -174,12 +174,10 @@ def screen(
 
 def _show_screen(found: "Screen", as_json: bool) -> None:
     if as_json:
-        from stabctl.clearing.screen_result import COLUMNS
-
         shared.print_json(
             {
                 "case": found.case,
-                "pairs": [dict(zip(COLUMNS, row, strict=True)) for row in found.rows()],
+                "pairs": [dict(zip(found.columns, row, strict=True)) for row in found.rows()],
                 "bridges": list(map(str, found.lines.bridges)),
                 "twins": list(map(str, found.lines.twins)),
                 "screened": found.screened,

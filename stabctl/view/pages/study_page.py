@@ -28,8 +28,8 @@ def page(study: Study) -> Page:
     """Return the page of a study, as far as it is done."""
     case = study.point.case
     verdict = (study.secure and "secure") or "not secure" if study.complete else "in progress"
-    missing = [name for name, part in (("modes", study.modes), ("contingencies", study.screen)) if part is None]
-    open_parts = [f"This page is not complete: {' and '.join(missing)} are still computed."] if missing else []
+    still = ["contingencies" if study.modes else "modes and contingencies"] if not study.complete else []
+    open_parts = [f"This page is not complete: {one} are still computed; load it again later." for one in still]
     return Page(
         f"{case.name}_study",
         f"Stability of {case.name}",

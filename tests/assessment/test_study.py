@@ -1,0 +1,189 @@
+"""A stability study: every number is that of the single study; limits are judged right on both sides."""
+
+import json
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import stabctl as st
+from stabctl._util.errors import StudyError
+from stabctl.assessment import study as study_function
+from stabctl.view.pages import study_page
+
+study_module = sys.modules[study_function.__module__]
+QUICK = {"resolution": "0.5cyc", "observe": "3s", "longest": "0s", "scan": "0s", "limit": "20cyc"}
+
+
+@pytest.fixture(scope="module")
+def base():
+    return st.load("two_area").initialize()
+
+
+@pytest.fixture(scope="module")
+def study(base):
+    return base.study("10cyc", worst=2, **QUICK)
+
+
+def test_every_part_is_that_of_the_single_study(base, study):
+    assert study.screen.rows() == base.screen(faults="lines, buses", **QUICK).rows()
+    assert np.array_equal(study.modes.eigenvalues, base.modes((0.1, 3.0)).eigenvalues)
+    assert np.array_equal(study.flow.V, base.power_flow().V)
+    assert str(study.unusual) == str(base.case.check())
+    for margin, run in zip(study.margins, study.worst, strict=False):
+        alone = base.simulate(margin.found.contingency.with_clear("10cyc"), until=f"{1 + 10 / 60 + 3}s")
+        assert np.array_equal(run.rows, alone.rows)
+        assert run.outcome == alone.outcome
+        assert run.outcome.stable == margin.secure
+
+
+def test_margins_are_sorted_and_judged(study):
+    required = study.wanted.cycles
+    assert required == 10
+    assert [m.cycles for m in study.margins] == sorted(m.cycles for m in study.margins)
+    for m in study.margins:
+        critical = {"stable_at_limit": 20.0, "unstable_at_zero": 0.0}.get(m.found.status, m.found.cycles)
+        assert m.cycles == critical - required
+        assert m.secure == (critical >= required)
+    assert study.insecure == tuple(m for m in study.margins if not m.secure)
+    assert not study.secure
+    assert "1 of 15 contingencies is not survived with a clearing time of 10 cycles" in str(study)
+
+
+@pytest.mark.parametrize(("beyond", "secure"), [(0.0, True), (1e-6, False)])
+def test_the_limits_themselves_are_allowed(study, beyond, secure):
+    """Clearing time, damping and voltage at their limit, and beyond it by 1e-6."""
+    first = study.margins[0].found.cycles
+    at = replace(study, wanted=study.wanted._replace(cycles=first + beyond))
+    assert bool(at.insecure) != secure
+    least = min(study.modes.damping_ratio[k] for k in study.modes.within(0.1, 3.0))
+    at = replace(study, wanted=study.wanted._replace(damping=least + beyond))
+    assert bool(at.poorly_damped) != secure
+    low = float(np.abs(study.flow.V).min())
+    at = replace(study, wanted=study.wanted._replace(voltages=(low + beyond, 2.0)))
+    assert bool(at.low_or_high) != secure
+    assert secure or at.low_or_high == ((8, low),)
+
+
+def test_it_is_told_while_parts_are_missing(base):
+    parts, shares = [], []
+    tell = {"each": parts.append, "progress": lambda *told: shares.append(told)}
+    whole = base.study("8cyc", faults="lines", worst=1, **tell, **QUICK)
+    assert [(p.modes is not None, p.screen is not None, len(p.worst)) for p in parts] == [
+        (False, False, 0),
+        (True, False, 0),
+        (True, True, 0),
+        (True, True, 1),
+    ]
+    assert [share for share, _ in shares] == sorted(share for share, _ in shares)
+    assert whole.secure
+    with pytest.raises(StudyError, match="not complete"):
+        _ = parts[1].secure
+    for part in parts:
+        assert part.report
+
+
+def test_the_page_and_the_workbook_have_the_numbers(study, tmp_path):
+    import openpyxl
+
+    page = study.report(tmp_path).read_text("utf-8")
+    assert "not secure" in page
+    assert page.count('<tr class="unstable">') == len(study.insecure) + len(study.poorly_damped)
+    for m in study.margins:
+        assert f"<td>{m.cycles:+g}</td>" in page
+    book = openpyxl.load_workbook(study.save(tmp_path / "all.xlsx"))
+    assert book.sheetnames == list(study.tables())
+    rows = list(book["contingencies"].values)
+    assert list(rows[0]) == list(study.df.columns)
+    assert [row[5] for row in rows[1:]] == [m.cycles for m in study.margins]
+
+
+def test_text_of_a_case_is_no_formula_in_a_workbook(study, tmp_path):
+    import openpyxl
+
+    pair = study.screen.pairs[0]
+    named = replace(pair, contingency=replace(pair.contingency, name="=1+1"))
+    other = replace(study, screen=replace(study.screen, pairs=(named,)))
+    (_, row) = openpyxl.load_workbook(other.save(tmp_path / "x.xlsx"))["contingencies"].values
+    assert row[0] == "'=1+1"
+
+
+def test_contingencies_that_are_given_keep_their_names(base):
+    given = [
+        st.Contingency("7", trip="7-8", name="line 7-8"),
+        st.Contingency("7-8@0.4", impedance=0.01j),
+        st.Contingency("9", trip="8-9", events=["3@1.2s"]),
+    ]
+    found = base.screen(faults=given, **QUICK)
+    assert {p.contingency.name for p in found.pairs} == {"line 7-8", None}
+    for p in found.pairs:
+        alone = base.clearing_time(p.contingency, **QUICK)
+        assert (p.cycles, p.status, p.machine) == (alone.cycles, alone.status, alone.machine)
+    assert "contingency" in str(found) or "contingencies" in str(found)
+    kept = base.study("5cyc", faults=given, worst=0, **QUICK).df
+    assert set(kept["name"]) == {"line 7-8", ""}
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"faults": "poles"}, "give 'lines', 'buses', both"),
+        ({"faults": [3]}, "has no fault whose clearing time"),
+        ({"faults": ["7-99"]}, "no bus 99"),
+        ({"faults": [], "buses": "7"}, "leave it out with contingencies"),
+    ],
+)
+def test_faults_that_cannot_be_are_told(base, given, said):
+    with pytest.raises(StudyError, match=said):
+        base.screen(**given, **QUICK)
+
+
+@pytest.mark.parametrize("given", [{"clear": 0}, {"damping": 1.5}, {"voltages": (1.1, 0.9)}, {"worst": -1}])
+def test_what_cannot_be_wanted_is_told(base, given):
+    with pytest.raises(StudyError, match="cannot be studied"):
+        base.study(**{"clear": "6cyc"} | given)
+
+
+def test_an_interrupted_study_goes_on(base, study, tmp_path):
+    def stop(share, part):
+        if part == "faults" and share > 0.3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        base.study("10cyc", worst=2, store=tmp_path, progress=stop, workers=1, **QUICK)
+    again = base.study("10cyc", worst=2, store=tmp_path, **QUICK)
+    assert again.remarks() == study.remarks()
+    assert again.df.equals(study.df)
+
+
+def test_the_command(stabctl, tmp_path):
+    words = "two_area", "--resolution", "0.5cyc", "--observe", 3, "--longest", 0, "--scan", 0, "--limit", "20cyc"
+    code, out, _ = stabctl("study", *words, "--worst", 1, "--json", "--clear", "10cyc")
+    record = json.loads(out)
+    assert code == 1
+    assert record["secure"] is False
+    assert len(record["contingencies"]) == 15
+    code, out, _ = stabctl(
+        "study", *words, "--clear", "6cyc", "--worst", 1, "--report", tmp_path, "--out", tmp_path / "s.csv"
+    )
+    assert code == 0
+    assert out.splitlines()[0].split("\t")[:4] == ["fault at", "trip", "critical, cycles", "margin, cycles"]
+    assert {p.name for p in tmp_path.iterdir()} == {"s.csv", "two_area_study.html"}
+    code, _, err = stabctl("study", *words, "--faults", "lines", "--contingencies", "x.toml")
+    assert (code, "cannot be used together" in err) == (2, True)
+
+
+def test_a_long_screen_tells_what_it_has(base, monkeypatch):
+    """Partial studies have some contingencies, no verdict, and a page that says so; the last has all."""
+    monkeypatch.setattr(study_module, "EVERY", 0.0)
+    parts = []
+    whole = base.study("8cyc", faults="lines, buses", worst=0, each=parts.append, workers=1, **QUICK)
+    counts = [len(p.screen.pairs) for p in parts if p.screen]
+    assert counts == sorted(counts)
+    assert counts[0] < counts[-1] == len(whole.screen.pairs)
+    first = next(p for p in parts if p.screen)
+    assert not first.complete
+    assert "This page is not complete: contingencies are still computed" in study_page.page(first).html()
+    assert "screened so far" in str(first)
+    assert "not complete" not in study_page.page(whole).html()
