@@ -228,9 +228,9 @@ class Study(Tabular):
             number, lost = counted(len(self.screen.pairs), "contingency"), self.insecure
             number += "" if self.complete else " screened so far"
             if lost:
-                first = lost[0].found
+                first, be = lost[0].found, "is" if len(lost) == 1 else "are"
                 said.append(
-                    f"{case}: {len(lost)} of {number} {'is' if len(lost) == 1 else 'are'} not survived with a clearing time of {wanted.cycles:g} "
+                    f"{case}: {len(lost)} of {number} {be} not survived with a clearing time of {wanted.cycles:g} "
                     f"cycles. The worst is {first.contingency.label}, critical after {_critical(first):g} cycles, "
                     f"limited by {first.limit}."
                 )

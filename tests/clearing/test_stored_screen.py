@@ -30,7 +30,7 @@ def test_plain_values_give_the_clearing_time_back(undisturbed):
     kinds = {run.margin is None for pair in undisturbed.pairs for run in pair.runs}
     assert kinds == {True, False}
     for pair in undisturbed.pairs:
-        assert vars(from_plain(as_plain(pair), pair.search)) == vars(pair)
+        assert vars(from_plain(as_plain(pair), pair.contingency, pair.search)) == vars(pair)
 
 
 def test_an_interrupted_screen_continues(point, undisturbed, tmp_path):
