@@ -98,7 +98,7 @@ class Study(Tabular):
     --------
     >>> study = st.study(st.load("two_area"), clear="10cyc", faults="lines", worst=1)
     >>> study.secure, [round(margin.cycles, 3) for margin in study.margins]
-    (False, [-1.0, 5.875, 7.25, 7.25])
+    (False, [-1.0, 5.875, 37.0, 37.75])
     """
 
     point: OperatingPoint

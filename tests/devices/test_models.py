@@ -99,7 +99,7 @@ def test_models_lists_all_and_shows_one():
     assert "kA" not in shown
     stores = {f"{store}_regfm_b1" for store in STORES}
     assert {row["name"] for row in listed if row["unverified"]} == {"regfm_b1"} | stores
-    with pytest.raises(StudyError, match="There is no model 'genru'; choose one of gencls"):
+    with pytest.raises(StudyError, match="There is no model 'genru'; did you mean genrou"):
         describe("genru")
 
 
