@@ -14,7 +14,9 @@ TYPE_CHECKING = False  # importing typing takes longer than the rest, and Ctrl-C
 if TYPE_CHECKING:
     from stabctl import design
     from stabctl._util.errors import StabctlError
-    from stabctl.assessment.study import Study, study
+    from stabctl.assessment.criteria import Criteria, Judged, criteria
+    from stabctl.assessment.result import Study
+    from stabctl.assessment.study import study
     from stabctl.clearing.critical_time import ClearingTime, clearing_time
     from stabctl.clearing.screen import screen
     from stabctl.clearing.screen_result import Screen
@@ -69,6 +71,7 @@ _WHERE = {
     "Contingency": "simulation.contingency:Contingency",
     "Controller": "controllers:Controller",
     "Costs": "placement.siting:Costs",
+    "Criteria": "assessment.criteria:Criteria",
     "Criterion": "simulation.criterion:Criterion",
     "DelayedModes": "smallsignal.delayed_loop:DelayedModes",
     "Estimates": "estimation.estimates:Estimates",
@@ -76,6 +79,7 @@ _WHERE = {
     "Fault": "simulation.events:Fault",
     "Feedback": "controllers:Feedback",
     "Gate": "controllers:Gate",
+    "Judged": "assessment.criteria:Judged",
     "LimitCycles": "smallsignal.limit_cycles:LimitCycles",
     "LoadStep": "simulation.events:LoadStep",
     "Margins": "smallsignal.margins:Margins",
@@ -104,6 +108,7 @@ _WHERE = {
     "check": "model.unusual:check",
     "clearing_time": "clearing:clearing_time",
     "closed_loop": "smallsignal.closed_loop:closed_loop",
+    "criteria": "assessment.criteria:criteria",
     "estimate": "estimation.estimate:estimate",
     "import_report": "io.import_report:import_report",
     "initialize": "dynamics.operating_point:initialize",

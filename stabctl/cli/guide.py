@@ -16,7 +16,7 @@ PANELS = {  # of options, in this order; all others come first
     "Control": "control controller deadband min-voltage",
     "PMU": "estimator engine pmu-rate pmu-noise-mrad latency-ms loss",
     "Search": "resolution limit observe longest scan step",
-    "Criterion": "max-angle min-frequency max-frequency frequency-delay coi",
+    "Criterion": "criteria max-angle min-frequency max-frequency frequency-delay coi",
     "Case": "set device classical verbose dyr loads machines frequency missing missing-controls motor-share "
     "conventions",
     "Running": "workers store scheduler retry seed",
@@ -63,7 +63,7 @@ GUIDES = {
         "Map where a converter is stable in weak grids.",
         ("case --converter 3", "case --converter 3 --scr 1.2,1.5,2 --plot map.png"),
     ),
-    "verify": Guide("Compare known numbers with ours.", ("", "tf_two_area")),
+    "verify": Guide("Compare known numbers with ours.", ("", "wscc9_sauer_pai")),
     "optimum": Guide(
         "Find the best schedule of storage orders.",
         ("two_area --fault 7 --trip 7-8 --storage 50MW", "two_area --fault 7 --storage 50MW --out orders.csv"),

@@ -120,6 +120,10 @@ Device = Annotated[
 ]
 Verbose = Annotated[bool, Option("--verbose", help="Print every warning, not only the first.")]
 Report = Annotated[Path | None, Option("--report", help="Write a page with figures to this folder.")]
+Criteria = Annotated[
+    str | None,
+    Option("--criteria", help="Criteria of performance: wecc-tpl-001, nerc-prc-024, entso-e, or a TOML file."),
+]
 Workers = Annotated[int | None, Option("--workers", min=1, help="Threads (default: one per core).")]
 Store = Annotated[
     Path | None,

@@ -1,12 +1,13 @@
 """stabctl simulate: a fault, its clearing, and whether the system stays stable."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from . import groups, options, shared
 from .parameters import Option
 
 if TYPE_CHECKING:
+    from stabctl.assessment import Judged
     from stabctl.simulation.trajectory import Trajectory
 
 FaultOrNone = Annotated[str | None, Option("--fault", help=options.FAULT)]
@@ -59,12 +60,14 @@ def simulate(
     plot: Plot = None,
     channels: Channels = "",
     report: options.Report = None,
+    by: options.Criteria = None,
     case: groups.CaseOptions,
     as_json: options.Json = False,
 ) -> None:
     """Simulate a fault and its clearing, or other events, and report whether the system remains stable."""
     from stabctl._util.errors import StudyError
     from stabctl._util.units import seconds
+    from stabctl.assessment.criteria import criteria
     from stabctl.simulation.contingency import Contingency
     from stabctl.simulation.simulate import simulate
 
@@ -75,6 +78,7 @@ def simulate(
     shared.file(out, ".csv", ".nc")
     shared.file(plot, ".png", ".svg")
     shared.folder(report)
+    rules = None if by is None else criteria(by)
     through = shared.impedance(fault_impedance)
     if channels and not (plot or (out and out.suffix.lower() == ".csv")):
         raise StudyError("--channels applies to a figure and to a .csv file; give --plot FILE.png or --out FILE.csv.")
@@ -95,7 +99,7 @@ def simulate(
             control=steering,
             step=step,
             criterion=stability.criterion(loaded),
-            every=every if out or plot or report else until,  # without a file the extremes are enough
+            every=every if out or plot or report or rules else until,  # without a file the extremes are enough
             progress=tell,
         )
     if out:
@@ -106,12 +110,13 @@ def simulate(
         style.save(trajectory.overview(result, channels), plot)
     page = result.report(report) if report else None
     said = contingency.described(loaded) if isinstance(clear, float) else ""
-    _show(result, as_json, [p for p in (out, plot, page) if p], said)
+    judged = result.judge(rules) if rules else None
+    _show(result, as_json, [p for p in (out, plot, page) if p], said, judged=judged)
 
 
-def _show(result: "Trajectory", as_json: bool, written: list[Path], said: str) -> None:
+def _show(result: "Trajectory", as_json: bool, written: list[Path], said: str, *, judged: "Judged | None") -> None:
     end = result.outcome
-    record = {
+    record: dict[str, Any] = {
         "case": result.point.case.name,
         "outcome": end.kind.value,
         "message": end.message,
@@ -122,6 +127,9 @@ def _show(result: "Trajectory", as_json: bool, written: list[Path], said: str) -
         "wall_s": result.wall_s,
         "newton_stages": result.newton_stages,
     }
+    if judged:
+        record["violations"] = [one._asdict() for one in judged.violations]
+        record["undecided"] = list(judged.undecided)
     if as_json:
         shared.print_json(record | {"bus": end.bus, "stable": end.stable, "stalled": list(end.stalled)})
         return
@@ -140,6 +148,8 @@ def _show(result: "Trajectory", as_json: bool, written: list[Path], said: str) -
         table.add_row("storage", "idle: no law and no controller gives it orders")
     if result.step < steps.STEP / 4:
         table.add_row("short time step", f"{1e3 * result.step:.3g} ms{steps.forced_by(result.point)}")
+    for k, line in enumerate(str(judged).splitlines() if judged else ()):
+        table.add_row("" if k else "criteria", line)
     for path in written:
         table.add_row("written", str(path))
     shared.console().print(table)

@@ -187,3 +187,18 @@ def test_a_long_screen_tells_what_it_has(base, monkeypatch):
     assert "This page is not complete: contingencies are still computed" in study_page.page(first).html()
     assert "screened so far" in str(first)
     assert "not complete" not in study_page.page(whole).html()
+
+
+def test_the_worst_are_judged_by_criteria(base, tmp_path):
+    """A study whose worst run violates a rule is not secure, and says what, where and when."""
+    path = tmp_path / "own.toml"
+    path.write_text('title = "ours"\n[[voltage]]\nname = "dip"\nbelow = 0.9\nsince = "clearing"\n')
+    given = {"clear": "5cyc", "faults": "lines", "worst": 2} | QUICK
+    plain, strict = base.study(**given), base.study(**given, criteria=path)
+    assert plain.secure
+    assert not strict.secure
+    assert [one.violations for one in strict.judged] == [run.judge(path).violations for run in strict.worst]
+    assert "ours, by the 2 contingencies simulated: violated by 2; the first, dip: bus" in str(strict)
+    assert set(strict.tables()["violations"]["contingency"]) == {m.found.contingency.label for m in strict.margins[:2]}
+    assert "Violations of ours." in study_page.page(strict).html()
+    assert base.study(**given, criteria="wecc-tpl-001").secure

@@ -15,7 +15,10 @@ PAGES = {
         "simulate Contingency Fault Clear Open TripMachine LoadStep SwitchShunt Criterion Trajectory "
         "run_sweep read_sweep SweepResults",
     ),
-    "clearing": ("Clearing times and studies", "clearing_time ClearingTime screen Screen study Study"),
+    "clearing": (
+        "Clearing times and studies",
+        "clearing_time ClearingTime screen Screen study Study criteria Criteria Judged",
+    ),
     "linear": (
         "Linear models and modes",
         "linearize modes closed_loop ClosedLoop DelayedModes margins Margins limit_cycles LimitCycles "

@@ -7,7 +7,7 @@ import numpy as np
 
 from stabctl._util.wording import number
 from stabctl.assessment import Study
-from stabctl.assessment.study import BAND, Margin
+from stabctl.assessment.result import BAND, Margin
 
 from ..figures import clearing, grid_strength, one_line
 from ..figures import modes as eigenvalues
@@ -21,6 +21,7 @@ MOST = 500  # buses of a one-line diagram
 DRAWN = 3  # of the worst runs, whose curves are shown
 HEADS = "contingency", "opened to clear it", "critical (cycles)", "margin (cycles)", "limited by"
 RUNS = "contingency", "outcome", "largest change of angle (deg)", "lowest voltage after clearing (pu)", "what happens"
+VIOLATIONS = "contingency", "rule", "where", "value", "at (s)", "limit"
 MODES = "mode", "frequency (Hz)", "damping ratio (%)", "main participants"
 
 
@@ -122,6 +123,16 @@ def _worst(study: Study) -> Iterator[Part]:
             (m.found.contingency.label, outcome, f"{run.max_angle_from_coi_deg:.1f}", lowest, run.outcome.message)
         )
     yield table(RUNS, rows, f"Simulated with a clearing time of {study.wanted.cycles:g} cycles.")
+    found = [
+        (m.found.contingency.label, v.rule, v.where, f"{v.value:.4g} {v.unit}", f"{v.at_s:.3f}", v.limit)
+        for m, one in zip(study.margins, study.judged, strict=False)
+        for v in one.violations
+    ]
+    if study.judged:
+        short = sum(bool(one.undecided) for one in study.judged)
+        late = f" {short} of the runs are too short to judge every rule." if short else ""
+        head = study.judged[0].title
+        yield table(VIOLATIONS, found, f"Violations of {head}.{late}" if found else f"{head}: kept.{late}")
     for m, run in zip(study.margins[:DRAWN], study.worst[:DRAWN], strict=False):
         drawn = curves.overview(run)
         drawn.suptitle("")

@@ -1,0 +1,297 @@
+"""The result of a stability study: margins, damping and voltages against what is wanted, tables, sentences."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from stabctl._util import files
+from stabctl._util.errors import StudyError
+from stabctl._util.tabular import Tabular, inert
+from stabctl._util.verbs import verb
+from stabctl._util.wording import counted
+from stabctl.clearing import ClearingTime, Screen
+from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.model.powerflow import PowerFlow
+from stabctl.model.short_circuit import ShortCircuitRatio
+from stabctl.model.unusual import UnusualData
+from stabctl.simulation.control import Control
+from stabctl.simulation.trajectory import Trajectory
+from stabctl.smallsignal import Modes
+
+from .criteria import Criteria, Judged, judge
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+BAND = 0.1, 3.0  # Hz   of the modes that are judged
+NORMAL = 0.95, 1.05  # pu   voltages in normal operation
+SHEET = ".xlsx"
+
+
+class Wanted(NamedTuple):
+    """What a system must fulfil."""
+
+    cycles: float  # clearing time that protection guarantees
+    damping: float  # damping ratio of every oscillation in `BAND`
+    voltages: tuple[float, float] = NORMAL  # pu   in normal operation
+
+
+class Margin(NamedTuple):
+    """A contingency with its critical clearing time."""
+
+    found: ClearingTime
+    cycles: float  # beyond the guaranteed clearing time; negative: not survived
+
+    @property
+    def secure(self) -> bool:
+        """Whether it is survived."""
+        return self.cycles >= 0
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Study(Tabular):
+    """A stability study; parts that are not done yet are None.
+
+    Attributes
+    ----------
+    point : OperatingPoint
+        The system at its operating point.
+    wanted : Wanted
+        What it must fulfil.
+    unusual : UnusualData
+        Data outside the usual ranges.
+    flow : PowerFlow
+        The power flow.
+    modes : Modes or None
+        The modes: all, or those of 0.1 to 3 Hz of a large system.
+    ratios : ShortCircuitRatio or None
+        Short-circuit ratios; None also without converters.
+    screen : Screen or None
+        Critical clearing times.
+    worst : tuple of Trajectory
+        Runs of the contingencies with the smallest margins, cleared after the guaranteed time.
+    how : Settings
+        How it was computed.
+    wall_s : float, s
+        Computing time.
+
+    Examples
+    --------
+    >>> study = st.study(st.load("two_area"), clear="10cyc", faults="lines", worst=1)
+    >>> study.secure, [round(margin.cycles, 3) for margin in study.margins]
+    (False, [-1.0, 5.875, 37.0, 37.75])
+    """
+
+    point: OperatingPoint
+    wanted: Wanted
+    unusual: UnusualData
+    flow: PowerFlow
+    how: "Settings"
+    modes: Modes | None = None
+    ratios: ShortCircuitRatio | None = None
+    screen: Screen | None = None
+    worst: tuple[Trajectory, ...] = ()
+    wall_s: float = 0.0
+
+    report = verb("stabctl.view.pages.study_page:write")
+
+    @cached_property
+    def margins(self) -> tuple[Margin, ...]:
+        """The contingencies, the smallest margin first."""
+        return tuple(Margin(p, critical(p) - self.wanted.cycles) for p in self.screen.pairs) if self.screen else ()
+
+    @property
+    def insecure(self) -> tuple[Margin, ...]:
+        """The contingencies that are not survived with the guaranteed clearing time."""
+        return tuple(m for m in self.margins if not m.secure)
+
+    @property
+    def poorly_damped(self) -> tuple[int, ...]:
+        """Modes of `BAND` with less than the wanted damping ratio, the least damped first."""
+        if self.modes is None:
+            return ()
+        ratio = self.modes.damping_ratio
+        inside = [k for k in self.modes.within(*BAND) if ratio[k] < self.wanted.damping]
+        return tuple(sorted(inside, key=ratio.__getitem__))
+
+    @property
+    def low_or_high(self) -> tuple[tuple[int, float], ...]:
+        """Buses whose voltage (pu) is outside the normal range, the farthest first."""
+        low, high = self.wanted.voltages
+        size = np.abs(self.flow.V)
+        beyond = np.maximum(low - size, size - high)
+        rows = np.argsort(-beyond, kind="stable")[: int((beyond > 1e-9).sum())]
+        return tuple((self.flow.case.buses[k].bus, float(size[k])) for k in rows)
+
+    @cached_property
+    def judged(self) -> tuple[Judged, ...]:
+        """How the runs of the worst contingencies keep the criteria; nothing without criteria."""
+        return tuple(judge(run, self.how.criteria) for run in self.worst) if self.how.criteria else ()
+
+    @property
+    def complete(self) -> bool:
+        """Whether every part is done, and every contingency screened."""
+        return self.modes is not None and self.screen is not None and len(self.screen.pairs) == self.screen.screened
+
+    @property
+    def secure(self) -> bool:
+        """Whether every contingency is survived, the worst keep the criteria, and oscillations are damped as wanted.
+
+        Raises `StudyError` while a part is missing.
+        """
+        if not self.complete:
+            raise StudyError(f"The study of {self.point.case.name} is not complete, so it has no verdict yet.")
+        return not (self.insecure or self.poorly_damped) and all(one.kept for one in self.judged)
+
+    @property
+    def df(self) -> "pd.DataFrame":
+        """A row for every contingency: fault, trip, required, critical and margin in cycles, what limits it."""
+        import pandas as pd
+
+        rows = [
+            (m.found.contingency.name or "", m.found.fault, ", ".join(m.found.trip), self.wanted.cycles)
+            + (critical(m.found), m.cycles, m.found.limit)
+            for m in self.margins
+        ]
+        names = "name", "fault", "trip", "required_cycles", "critical_cycles", "margin_cycles", "limited_by"
+        return pd.DataFrame(rows, columns=names)
+
+    def tables(self) -> "dict[str, pd.DataFrame]":
+        """Every table of the study, by name.
+
+        Examples
+        --------
+        >>> [*st.study(st.load("two_area"), clear="6cyc", faults="lines", worst=1).tables()]
+        ['contingencies', 'worst', 'modes', 'buses', 'branches']
+        """
+        import pandas as pd
+
+        found = {"contingencies": self.df} if self.screen else {}
+        if self.worst:
+            rows = [
+                (m.found.contingency.label, run.outcome.kind.value, run.outcome.message, run.max_angle_from_coi_deg)
+                for m, run in zip(self.margins, self.worst, strict=False)
+            ]
+            found["worst"] = pd.DataFrame(rows, columns=["contingency", "outcome", "message", "largest_angle_deg"])
+        if any(one.violations for one in self.judged):
+            pairs = zip(self.margins, self.judged, strict=False)
+            frames = [one.df.assign(contingency=m.found.contingency.label) for m, one in pairs if one.violations]
+            found["violations"] = pd.concat(frames, ignore_index=True)
+        if self.modes is not None:
+            found["modes"] = self.modes.df
+        found |= {"buses": self.flow.df.reset_index(), "branches": self.flow.branches.reset_index()}
+        return found | ({"converters": self.ratios.df} if self.ratios else {})
+
+    def save(self, path: str | Path) -> Path:
+        """Write the contingencies to a .csv file, or all tables to the sheets of an .xlsx file.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write; an existing one is replaced only when the new one is complete.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        StudyError
+            For another ending, or a file that cannot be written.
+
+        Examples
+        --------
+        >>> st.study(st.load("two_area"), clear="6cyc", faults="lines", worst=1).save("study.csv")
+        PosixPath('study.csv')
+        """
+        if (path := files.path_of(path)).suffix.lower() != SHEET:
+            return super().save(path)
+        files.replace(path, _workbook(self.tables()))
+        return path
+
+    def remarks(self) -> list[str]:
+        """The answer, in sentences: contingencies, damping, voltages."""
+        case, wanted = self.point.case.name, self.wanted
+        said = []
+        if self.screen is not None:
+            number, lost = counted(len(self.screen.pairs), "contingency"), self.insecure
+            number += "" if self.complete else " screened so far"
+            if lost:
+                first, be = lost[0].found, "is" if len(lost) == 1 else "are"
+                said.append(
+                    f"{case}: {len(lost)} of {number} {be} not survived with a clearing time of {wanted.cycles:g} "
+                    f"cycles. The worst is {first.contingency.label}, critical after {critical(first):g} cycles, "
+                    f"limited by {first.limit}."
+                )
+            else:
+                margin = min((m.cycles for m in self.margins), default=None)
+                least = f"; the smallest margin is {margin:g} cycles" if margin is not None else ""
+                said.append(f"{case}: all of {number} are survived with {wanted.cycles:g} cycles{least}.")
+        if self.modes is not None:
+            worst = self.modes.least_damped()
+            if few := self.poorly_damped:
+                said.append(
+                    f"{counted(len(few), 'oscillation')} of {BAND[0]:g} to {BAND[1]:g} Hz with a damping ratio below "
+                    f"{wanted.damping:g}; the least damped: {_named(self.modes, few[0])}."
+                )
+            elif worst:
+                said.append(
+                    f"All oscillations of {BAND[0]:g} to {BAND[1]:g} Hz have a damping ratio of at least "
+                    f"{wanted.damping:g}; the least damped: {_named(self.modes, worst[0])}."
+                )
+        if self.judged:
+            wrong = sum(not one.kept for one in self.judged)
+            told = next((str(v) for one in self.judged for v in one.violations), "")
+            of = f"{self.judged[0].title}, by the {len(self.judged)} contingencies simulated"
+            said.append(f"{of}: {f'violated by {wrong}; the first, {told}' if wrong else 'kept.'}")
+        low, high = wanted.voltages
+        outside = ", ".join(f"bus {bus} {size:.4f} pu" for bus, size in self.low_or_high[:5])
+        more = f" and {len(self.low_or_high) - 5} more" if len(self.low_or_high) > 5 else ""
+        if outside:
+            said.append(f"Voltages outside {low:g} to {high:g} pu in normal operation: {outside}{more}.")
+        if self.unusual.findings:
+            said.append(f"{counted(len(self.unusual.findings), 'value')} of the data are unusual; see stabctl check.")
+        return said
+
+    def __str__(self) -> str:
+        return "\n".join(self.remarks())
+
+
+class Settings(NamedTuple):
+    """How a study is computed."""
+
+    faults: Any
+    control: Control
+    worst: int
+    search: dict[str, Any]
+    criteria: Criteria | None = None
+
+
+def critical(found: ClearingTime) -> float:
+    """Critical clearing time, cycles: 0 if there is none, the limit of the search if it is longer."""
+    return found.search.limit_cycles if found.status == "stable_at_limit" else found.cycles or 0.0
+
+
+def _named(found: Modes, k: int) -> str:
+    """Frequency, damping ratio and name of a mode."""
+    return f"{found.frequency_hz[k]:.3f} Hz, damping ratio {found.damping_ratio[k]:.4f} ({found.label(k)})"
+
+
+def _workbook(tables: "dict[str, pd.DataFrame]") -> bytes:
+    """The tables as the sheets of a workbook. Text that begins like a formula has an apostrophe before it."""
+    import io
+
+    import pandas as pd
+
+    content = io.BytesIO()
+    with pd.ExcelWriter(content, engine="openpyxl") as book:
+        for name, frame in tables.items():
+            kept = frame.copy()
+            for column in kept.select_dtypes(exclude="number"):
+                kept[column] = kept[column].map(lambda value: inert(value) if isinstance(value, str) else value)
+            kept.to_excel(book, sheet_name=name, index=False, freeze_panes=(1, 0))
+    return content.getvalue()

@@ -1,0 +1,198 @@
+"""Criteria of performance: runs around each limit are judged right on both sides; packaged criteria; wrong files."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import stabctl as st
+from stabctl._util.errors import StudyError
+from stabctl.assessment.criteria import packaged, spells
+
+BESIDE = 1e-6
+HEAD = 'title = "ours"\n'
+
+
+@pytest.fixture(scope="module")
+def run():
+    """Nine seconds with a fault from 1 to 1.1 s, one bus of which is rewritten by each test."""
+    return st.load("two_area").simulate(st.Contingency("7", clear="0.1s"), until="9s")
+
+
+def with_voltage(run, bus, knots):
+    """The run with a voltage at a bus that is linear between knots (s, pu), constant outside."""
+    layout, k = run.point.layout, run.point.case.row_of_bus[bus]
+    times, values = np.array(knots).T
+    time = np.union1d(run.time, times)
+    rows = np.stack([np.interp(time, run.time, column) for column in run.rows.T], axis=1)
+    V = np.ascontiguousarray(rows[:, layout.voltages]).view(complex)
+    V[:, k] = np.interp(time, times, values)
+    rows[:, layout.voltages] = V.view(float)
+    return replace(run, time=time, rows=rows)
+
+
+def rules(tmp_path, text):
+    path = tmp_path / "ours.toml"
+    path.write_text(HEAD + text, encoding="utf-8")
+    return st.criteria(path)
+
+
+def judged(run, bus, criteria):
+    """The violations at a bus."""
+    return [v for v in run.judge(criteria).violations if v.where == f"bus {bus}"]
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_levels_and_times_are_judged_right_on_both_sides(run, tmp_path, seed):
+    """200 voltages around the limit of a level and a time, 1e-6 on both sides: eight for each of 25 draws."""
+    rng = np.random.default_rng(seed)
+    level, longest = rng.uniform(0.5, 0.9), rng.uniform(0.1, 1.5)
+    begin, slope = rng.uniform(1.3, 4.0), rng.uniform(0.01, 0.1)
+    low = level - rng.uniform(0.05, 0.3)
+
+    def dip(length, bottom):
+        """A trapezoid that is below the level for a length."""
+        out = slope * (1.0 - level) / (level - bottom)
+        return [
+            (0.0, 1.0),
+            (begin - out, 1.0),
+            (begin, level),
+            (begin + slope, bottom),
+            (begin + length - slope, bottom),
+            (begin + length, level),
+            (begin + length + out, 1.0),
+        ]
+
+    for since in ("start", "clearing"):
+        text = f'[[voltage]]\nname = "a"\nbelow = {level!r}\nlongest = "{longest!r}s"\nbuses = "loads"\n'
+        text += f'since = "{since}"\n'
+        criteria = rules(tmp_path, text)
+        for change, violated in ((BESIDE, True), (-BESIDE, False)):
+            found = judged(with_voltage(run, 9, dip(max(longest, 2.5 * slope) + change, low)), 9, criteria)
+            assert bool(found) == (violated or longest < 2.5 * slope), (since, change)
+        if found := judged(with_voltage(run, 9, dip(longest + 0.5, low)), 9, criteria):
+            assert found[0].at_s == pytest.approx(begin + longest, abs=1e-6)
+            assert found[0].value == pytest.approx(low, abs=1e-9)
+    text = f'[[voltage]]\nname = "b"\nbelow = {level!r}\nbuses = "loads"\nsince = "clearing"\n'
+    for change, violated in ((BESIDE, True), (-BESIDE, False)):
+        touching = [(0.0, 1.0), (begin, 1.0), (begin + 1, level - change), (begin + 2, 1.0)]
+        assert bool(judged(with_voltage(run, 9, touching), 9, rules(tmp_path, text))) == violated
+    above = f'[[voltage]]\nname = "c"\nabove = {2 - level!r}\nbuses = "loads"\nsince = "clearing"\n'
+    for change, violated in ((BESIDE, True), (-BESIDE, False)):
+        touching = [(0.0, 1.0), (begin, 1.0), (begin + 1, 2 - level + change), (begin + 2, 1.0)]
+        assert bool(judged(with_voltage(run, 9, touching), 9, rules(tmp_path, above))) == violated
+
+
+@pytest.mark.parametrize(("change", "violated"), [(BESIDE, True), (-BESIDE, False)])
+def test_recovery_and_what_comes_after_it(run, tmp_path, change, violated):
+    recover = rules(tmp_path, '[[voltage]]\nname = "r"\nof = "before"\nbelow = 0.8\nrecover = "3s"\nbuses = "loads"\n')
+    late = [(0.0, 1.0), (1.0, 1.0), (1.01, 0.3), (3.0, 0.3), (4.0 + change, 0.8), (5.0, 1.0)]
+    found = judged(with_voltage(run, 9, late), 9, recover)
+    assert bool(found) == violated
+    assert not violated or found[0].at_s == pytest.approx(4.0)
+    second = (
+        '[[voltage]]\nname = "s"\nbelow = 0.8\nlongest = "1s"\nsince = "recovery"\nrecovered = 0.9\nbuses = "loads"\n'
+    )
+    dips = [(0.0, 1.0), (1.0, 0.2), (3.0, 0.2), (3.5, 1.0), (5.0, 1.0), (5.2, 0.8), (5.3, 0.5), (6.1, 0.5)]
+    dips += [(6.2 + change, 0.8), (6.5, 1.0)]
+    found = judged(with_voltage(run, 9, dips), 9, rules(tmp_path, second))
+    assert bool(found) == violated, "the long dip before the recovery does not count"
+
+
+@pytest.mark.parametrize(("change", "violated"), [(BESIDE, True), (-BESIDE, False)])
+def test_times_are_added_up(run, tmp_path, change, violated):
+    total = rules(tmp_path, '[[voltage]]\nname = "t"\nbelow = 0.8\nlongest = "1s"\ntotal = true\nbuses = "loads"\n')
+    twice = [(0.0, 1.0), (2.0, 0.8), (2.1, 0.5), (2.4, 0.5), (2.5, 0.8), (3.0, 1.0), (4.0, 0.8), (4.1, 0.5), (4.4, 0.5)]
+    twice += [(4.5 + change, 0.8), (5.0, 1.0)]
+    found = judged(with_voltage(run, 9, twice), 9, total)
+    assert bool(found) == violated
+
+
+def test_a_value_before_an_event_is_held_up_to_it():
+    time, held = np.array([0.0, 1.0, 2.0, 3.0]), np.array([False, True, False, False])
+    assert spells(time, np.array([-1.0, -1.0, 1.0, -1.0]), held) == [(2.0, 2.5)]
+    assert spells(time, np.array([-1.0, 1.0, -1.0, -1.0]), held) == [(0.5, 2.0)]
+    assert spells(time, np.array([-1.0, 0.0, 0.0, -1.0]), held) == []
+
+
+def test_frequency_angle_and_swings(run, tmp_path):
+    fastest = float(60 * run.arrays.speed.max())
+    for change, violated in ((-BESIDE, True), (BESIDE, False)):
+        text = f'[[frequency]]\nname = "f"\nabove = {fastest + change!r}\n'
+        found = run.judge(rules(tmp_path, text)).violations
+        assert bool(found) == violated
+        if found:
+            assert found[0].value == pytest.approx(fastest)
+    angle = run.angle_from_coi_deg
+    widest = float((angle.max(axis=1) - angle.min(axis=1)).max())
+    for change, violated in ((-BESIDE, True), (BESIDE, False)):
+        text = f'[[angle]]\nname = "d"\nseparation = "{widest + change!r}deg"\n'
+        assert bool(run.judge(rules(tmp_path, text)).violations) == violated
+    text = '[[swings]]\nname = "s"\nmust = "not grow"\n'
+    growing = st.load("two_area_thyristor").simulate(st.Contingency("7", clear="1cyc"), until="10s")
+    assert [v.rule for v in growing.judge(rules(tmp_path, text)).violations] == ["s"]
+    assert run.judge(rules(tmp_path, text)).kept
+
+
+def test_what_a_run_is_too_short_for_is_said(run, tmp_path):
+    text = '[[voltage]]\nname = "r"\nbelow = 0.8\nrecover = "20s"\nbuses = "loads"\n'
+    found = with_voltage(run, 9, [(0.0, 1.0), (1.0, 0.2), (9.0, 0.2)]).judge(rules(tmp_path, text))
+    assert found.kept
+    assert found.undecided == ("r: bus 9 has not recovered when the run ends at 9.000 s; simulate longer.",)
+
+
+@pytest.mark.parametrize("name", packaged())
+def test_packaged_criteria_say_where_they_are_from(name):
+    found = st.criteria(name)
+    assert found.source
+    assert found.unverified
+    assert len({rule.name for rule in found.rules}) == len(found.rules)
+
+
+def test_packaged_criteria_judge_runs():
+    base = st.load("two_area").initialize()
+    short, long = (base.simulate(st.Contingency("7", clear=c), until="5s") for c in ("6cyc", "12cyc"))
+    assert short.judge("wecc-tpl-001").kept
+    assert short.judge("nerc-prc-024").kept
+    found = long.judge("nerc-prc-024")
+    assert {v.rule for v in found.violations} <= {rule.name for rule in st.criteria("nerc-prc-024").rules}
+    with pytest.raises(StudyError, match="is for 50 Hz, but two_area has 60 Hz"):
+        short.judge("entso-e")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "has no rules"),
+        ('[[voltage]]\nname = "a"\n', "voltage rule 1: give either below or above"),
+        ('[[voltage]]\nname = "a"\nbelow = 0.8\nabove = 1.1\n', "either below or above"),
+        ("[[voltage]]\nbelow = 0.8\n", "voltage rule 1: name is missing"),
+        ('[[voltage]]\nname = "a"\nbelwo = 0.8\n', "did you mean 'below'"),
+        ('[[voltage]]\nname = "a"\nbelow = -1.0\n', "below = -1.0: it must be a voltage in pu"),
+        ('[[voltage]]\nname = "a"\nbelow = 0.8\nlongest = "soon"\n', "voltage rule 1: 'soon' is not a time"),
+        ('[[voltage]]\nname = "a"\nbelow = 0.8\nsince = "recovery"\n', "belong together"),
+        ('[[angle]]\nname = "a"\nseparation = "0deg"\n', "not above 0"),
+        ('[[swings]]\nname = "a"\nmust = "stop"\n', "must = 'stop'"),
+        ("[[currents]]\n", "'currents' is not a known key"),
+        ("title = 1", "is not valid TOML"),
+    ],
+)
+def test_wrong_files_are_told(tmp_path, text, said):
+    with pytest.raises(StudyError, match=re.escape(said)):
+        rules(tmp_path, text)
+
+
+def test_unknown_criteria_are_told(run, tmp_path):
+    with pytest.raises(StudyError, match="did you mean wecc-tpl-001"):
+        st.criteria("wecc-tpl")
+    with pytest.raises(StudyError, match="cannot be read"):
+        st.criteria(tmp_path / "none.toml")
+
+
+def test_the_command(stabctl):
+    words = "simulate", "two_area", "--fault", "7", "--until", 5, "--criteria"
+    code, out, _ = stabctl(*words, "nerc-prc-024", "--clear", "6cyc")
+    assert (code, "kept" in out) == (0, True)
+    code, _, err = stabctl(*words, "prc", "--clear", "6cyc")
+    assert (code, "There are no criteria 'prc'" in err) == (2, True)
