@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from stabctl.assessment import Criteria
     from stabctl.controllers import Controller, Law
     from stabctl.model.case import Case
     from stabctl.simulation.events import Event
@@ -102,6 +103,15 @@ def controllers(names: list[str] | None) -> "list[Controller | Law]":
     found = [control_files.load(name) for name in names or ()]
     warn([sentence for one in found for sentence in getattr(one, "warnings", ())], True)
     return found
+
+
+def criteria(name: str | None) -> "Criteria | None":
+    """The criteria of performance of this name or file, if there is one."""
+    if name is None:
+        return None
+    from stabctl.assessment.criteria import criteria as named
+
+    return named(name)
 
 
 def impedance(text: str) -> complex:

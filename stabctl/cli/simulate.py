@@ -67,7 +67,6 @@ def simulate(
     """Simulate a fault and its clearing, or other events, and report whether the system remains stable."""
     from stabctl._util.errors import StudyError
     from stabctl._util.units import seconds
-    from stabctl.assessment.criteria import criteria
     from stabctl.simulation.contingency import Contingency
     from stabctl.simulation.simulate import simulate
 
@@ -78,7 +77,7 @@ def simulate(
     shared.file(out, ".csv", ".nc")
     shared.file(plot, ".png", ".svg")
     shared.folder(report)
-    rules = None if by is None else criteria(by)
+    rules = shared.criteria(by)
     through = shared.impedance(fault_impedance)
     if channels and not (plot or (out and out.suffix.lower() == ".csv")):
         raise StudyError("--channels applies to a figure and to a .csv file; give --plot FILE.png or --out FILE.csv.")
