@@ -17,7 +17,7 @@ from stabctl._util import toml_file
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.tabular import Tabular
 from stabctl._util.units import quantity, seconds
-from stabctl._util.wording import near
+from stabctl._util.wording import counted, near
 from stabctl.simulation.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -141,6 +141,8 @@ class Judged(Tabular):
         By rule and place.
     undecided : tuple of str
         What the run is too short for, one sentence each.
+    unstable : str
+        How the run ended, if it is unstable; such a run keeps no criteria.
 
     Examples
     --------
@@ -152,11 +154,12 @@ class Judged(Tabular):
     title: str
     violations: tuple[Violation, ...]
     undecided: tuple[str, ...]
+    unstable: str = ""
 
     @property
     def kept(self) -> bool:
-        """Whether there is no violation; what is undecided does not count."""
-        return not self.violations
+        """Whether the run is stable and there is no violation; what is undecided does not count."""
+        return not (self.violations or self.unstable)
 
     @property
     def df(self) -> "pd.DataFrame":
@@ -166,8 +169,9 @@ class Judged(Tabular):
         return pd.DataFrame(self.violations, columns=Violation._fields)
 
     def __str__(self) -> str:
-        said = [f"{self.title}: {'kept' if self.kept else f'{len(self.violations)} violations'}."]
-        return "\n".join([*said, *map(str, self.violations[:10]), *self.undecided[:5]])
+        number = counted(len(self.violations), "violation")
+        said = "kept" if self.kept else f"not kept, the run is unstable; {number}" if self.unstable else number
+        return "\n".join([f"{self.title}: {said}.", *map(str, self.violations[:10]), *self.undecided[:5]])
 
 
 def packaged() -> tuple[str, ...]:
@@ -273,7 +277,8 @@ def judge(run: Trajectory, by: "Criteria | str | Path") -> Judged:
     for rule in rules.rules:
         for one in seen.of(rule):
             (found if isinstance(one, Violation) else undecided).append(one)  # type: ignore[arg-type]
-    return Judged(rules.title, tuple(found), tuple(undecided))
+    end = run.outcome
+    return Judged(rules.title, tuple(found), tuple(undecided), "" if end.stable else end.message)
 
 
 class _Seen:

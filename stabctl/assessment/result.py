@@ -245,7 +245,7 @@ class Study(Tabular):
                 )
         if self.judged:
             wrong = sum(not one.kept for one in self.judged)
-            told = next((str(v) for one in self.judged for v in one.violations), "")
+            told = next((str(v) for one in self.judged for v in (*one.violations, one.unstable) if v), "")
             of = f"{self.judged[0].title}, by the {len(self.judged)} contingencies simulated"
             said.append(f"{of}: {f'violated by {wrong}; the first, {told}' if wrong else 'kept.'}")
         low, high = wanted.voltages

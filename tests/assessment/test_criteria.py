@@ -142,6 +142,15 @@ def test_what_a_run_is_too_short_for_is_said(run, tmp_path):
     assert found.undecided == ("r: bus 9 has not recovered when the run ends at 9.000 s; simulate longer.",)
 
 
+def test_an_unstable_run_keeps_no_criteria(tmp_path):
+    lost = st.load("two_area").simulate(st.Contingency("7", clear="30cyc"), until="5s")
+    found = lost.judge(rules(tmp_path, '[[frequency]]\nname = "f"\nbelow = 1.0\n'))
+    assert not lost.outcome.stable
+    assert not found.violations
+    assert not found.kept
+    assert str(found) == "ours: not kept, the run is unstable; 0 violations."
+
+
 @pytest.mark.parametrize("name", packaged())
 def test_packaged_criteria_say_where_they_are_from(name):
     found = st.criteria(name)
