@@ -288,6 +288,7 @@ def test_once_the_damping_is_reached_the_gains_are_lowered(cases, tuned):
     assert largest(few) < 0.7 * largest(tuned)
 
 
+@pytest.mark.slow
 def test_limits_that_all_networks_miss_leave_the_damping_in_the_working_set(cases):
     """A floor that no gains reach at first, in more scenarios than a working set holds."""
     found = tune(cases("ieee39"), stabilizers([1, 2]), levels=(1.0,), doubled=0.3, starts=1, checks=0, check_levels=())

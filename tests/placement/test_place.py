@@ -270,6 +270,7 @@ def test_what_is_refused(case, options, words):
         study(case, NEAR_9, **options)
 
 
+@pytest.mark.slow
 def test_estimates_in_the_loop(case):
     """The evidence has the margins with a Kalman filter too."""
     control = EstimatorControl(BangBang(), "kalman", Pmu(), engine="batched")
