@@ -180,13 +180,13 @@ def packaged() -> tuple[str, ...]:
     return tuple(sorted(one.name.removesuffix(".toml") for one in folder.iterdir() if one.name.endswith(".toml")))
 
 
-def criteria(name: str | Path) -> Criteria:
+def criteria(name: Criteria | str | Path) -> Criteria:
     """Read criteria.
 
     Parameters
     ----------
-    name : str or Path
-        Packaged criteria (wecc-tpl-001, nerc-prc-024, entso-e), or a TOML file.
+    name : Criteria, str or Path
+        Criteria, which are returned, packaged ones (wecc-tpl-001, nerc-prc-024, entso-e), or a TOML file.
 
     Returns
     -------
@@ -202,6 +202,8 @@ def criteria(name: str | Path) -> Criteria:
     >>> st.criteria("nerc-prc-024").rules[0].name
     'PRC-024-3, above 1.200 pu'
     """
+    if isinstance(name, Criteria):
+        return name
     if str(name) in packaged():
         path = Path(str(resources.files("stabctl") / "assessment" / "rules" / f"{name}.toml"))
     elif Path(name).suffix.lower() == ".toml":
@@ -264,7 +266,7 @@ def judge(run: Trajectory, by: "Criteria | str | Path") -> Judged:
     >>> run.judge("nerc-prc-024").kept
     True
     """
-    rules, case = by if isinstance(by, Criteria) else criteria(by), run.point.case
+    rules, case = criteria(by), run.point.case
     if len(run.time) < 2:
         raise StudyError("The run has no rows to judge: they were not recorded; leave out record=False.")
     if rules.frequency_hz not in (None, case.frequency_hz):
@@ -311,8 +313,7 @@ class _Seen:
     def _voltage(self, rule: Voltage) -> "Iterator[Violation | str]":
         case, size = self.run.point.case, self.run.values("voltage")
         wanted = {"loads": {x.bus for x in case.loads}, "machines": {m.storage_bus or m.bus for m in case.machines}}
-        level, sign = (rule.below, 1.0) if rule.below is not None else (rule.above, -1.0)
-        assert level is not None
+        level, sign = _side(rule)
         for k, b in enumerate(case.buses):
             if rule.buses != "all" and b.bus not in wanted[rule.buses]:
                 continue
@@ -360,8 +361,7 @@ class _Seen:
 
     def _frequency(self, rule: Frequency) -> "Iterator[Violation | str]":
         speeds = self.run.values("speed") * self.hz
-        level, sign = (rule.below, 1.0) if rule.below is not None else (rule.above, -1.0)
-        assert level is not None
+        level, sign = _side(rule)
         told = f"{'below' if sign > 0 else 'above'} {level:g} Hz"
         for k, name in enumerate(self.run.point.rotor_names):
             yield from self._spells(rule, Place(f"machine {name}", speeds[:, k], sign, level, "Hz", told), 0.0)
@@ -404,6 +404,14 @@ class _Seen:
         elif last.growing or (rule.must == "decay" and not (last.decaying or last.settled)):
             at, value = self.run.outcome.time_s, float(np.rad2deg(last.largest))
             yield Violation(rule.name, f"machine {last.machine}", at, value, "degrees", f"swings must {rule.must}")
+
+
+def _side(rule: Voltage | Frequency) -> tuple[float, float]:
+    """The level of a rule, and 1 if values must not be below it, -1 if not above."""
+    if rule.below is not None:
+        return rule.below, 1.0
+    assert rule.above is not None
+    return rule.above, -1.0
 
 
 class Place(NamedTuple):

@@ -266,8 +266,6 @@ class Settings(NamedTuple):
 
     faults: Any
     control: Control
-    worst: int
-    search: dict[str, Any]
     criteria: Criteria | None = None
 
 

@@ -109,13 +109,7 @@ def study(
     tell = progress or (lambda _share, _part: None)
     search = {**search, "control": control, "criterion": criterion}
     known = {name: search[name] for name in ("control", "criterion", "step") if search.get(name) is not None}
-    how = Settings(
-        faults,
-        control,
-        worst,
-        search,
-        criteria if criteria is None or isinstance(criteria, Criteria) else named(criteria),
-    )
+    how = Settings(faults, control, None if criteria is None else named(criteria))
     found = Study(point, wanted, case.check(), powerflow.solve(case), how)
 
     def parts() -> Iterator[Study]:

@@ -82,6 +82,12 @@ class ClearingTime:
         return str(self.contingency.fault)
 
     @property
+    def place(self) -> str:
+        """What the contingency is called, or the place of its fault: `bus 7`, `7-8@0.4`."""
+        on_line = isinstance(self.contingency.fault, naming.Circuit)
+        return self.contingency.name or (self.fault if on_line else f"bus {self.fault}")
+
+    @property
     def trip(self) -> tuple[str, ...]:
         """Circuits opened to clear it, in addition to the faulted one, as text."""
         return tuple(map(str, self.contingency.trip))

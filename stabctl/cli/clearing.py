@@ -1,13 +1,15 @@
 """stabctl clearing-time and screen: how long a fault may last, and the most critical line faults."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from . import groups, options, shared
 from .parameters import Option
 
 if TYPE_CHECKING:
     from stabctl.clearing import ClearingTime, Screen
+    from stabctl.model.case import Case
 
 
 AFTER = "times count from the fault. Repeatable."
@@ -118,6 +120,18 @@ Contingencies = Annotated[
 ]
 
 
+def screened(faults: str | None, file: Path | None, usual: str) -> "Callable[[Case], Any]":
+    """What --faults, --contingencies or neither mean for a case; raises `StudyError` at once if both are given."""
+    from stabctl._util.errors import StudyError
+    from stabctl.placement.contingencies import read
+
+    if file is None:
+        return lambda _: faults or usual
+    if faults is not None:
+        raise StudyError("--faults and --contingencies cannot be used together; give one of them.")
+    return lambda case: read(file, case)
+
+
 def screen(
     *,
     below: Below = None,
@@ -140,24 +154,19 @@ def screen(
     as_json: options.Json = False,
 ) -> None:
     """Find the critical clearing times of faults at both ends of every line, cleared by opening it; shortest first."""
-    from stabctl._util.errors import StudyError
     from stabctl.clearing import screen
-    from stabctl.placement.contingencies import read
 
-    if contingencies is not None and faults is not None:
-        raise StudyError("--faults and --contingencies cannot be used together; give one of them.")
-
+    chosen = screened(faults, contingencies, "lines")
     shared.file(out, ".csv")
     shared.folder(report)
     loaded = case.load()
-    chosen = faults or "lines" if contingencies is None else read(contingencies, loaded)
     point = storage.initialize(loaded)
     steering = pmu.steering(*law.chosen(point.case, control, shared.controllers(controller)), estimator)
     with shared.progress("screening", 1.0) as tell:
         found = screen(
             point,
             below,
-            faults=chosen,
+            faults=chosen(loaded),
             control=steering,
             **search._asdict(),
             criterion=stability.criterion(loaded),

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from . import groups, options, shared
-from .clearing import Contingencies
+from .clearing import Contingencies, screened
 from .parameters import Option
 
 if TYPE_CHECKING:
@@ -47,30 +47,27 @@ def study(
     as_json: options.Json = False,
 ) -> int:
     """Study the stability of a system. The exit code is 1 if it is not secure."""
-    from stabctl._util.errors import StudyError
     from stabctl.assessment import study
-    from stabctl.placement.contingencies import read
 
-    if contingencies is not None and faults is not None:
-        raise StudyError("--faults and --contingencies cannot be used together; give one of them.")
+    chosen = screened(faults, contingencies, "lines, buses")
     shared.file(out, ".xlsx", ".csv")
     shared.folder(report)
     loaded = case.load()
-    chosen: Any = faults or "lines, buses" if contingencies is None else read(contingencies, loaded)
     point = storage.initialize(loaded)
     chosen_law, own = law.chosen(point.case, control, shared.controllers(controller))
     steering: Any = [*([chosen_law] if chosen_law else []), *own] or None
+    pages: list[Path] = []
 
     def partly(found: "Study") -> None:
         if report:
-            found.report(report)
+            pages.append(found.report(report))
 
     with shared.progress("study", 1.0) as tell:
         found = study(
             point,
             clear,
             damping=damping,
-            faults=chosen,
+            faults=chosen(loaded),
             worst=worst,
             criteria=by,
             control=steering,
@@ -82,7 +79,7 @@ def study(
             each=partly,
             **search._asdict(),
         )
-    written = [found.save(out) if out else None, found.report(report) if report else None]
+    written = [found.save(out) if out else None, *pages[-1:]]
     _show(found, as_json)
     shared.written(written, as_json)
     return 0 if found.secure else INSECURE

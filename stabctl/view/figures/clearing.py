@@ -132,7 +132,8 @@ def plot_screen(found: Screen, *, most: int = 25, ax: "Axes | None" = None) -> "
     for bar, p in zip(bars, shown, strict=True):
         style.name(bar, p.brief())
     ax.bar_label(bars, [_note(p) for p in shown], padding=4, fontsize="small")
-    ranked(ax, [_named(p) for p in shown])
+    trips = [f", trip {', '.join(p.trip)}" if p.trip and not p.contingency.name else "" for p in shown]
+    ranked(ax, [p.place + trip for p, trip in zip(shown, trips, strict=True)])
     ax.set_xlim(0, 1.3 * max(cycles, default=0.0) or 1.0)
     ax.set_xlabel(LABEL)
     ax.set_title(f"{found.case}: {len(shown)} of {found.screened} faults", fontsize="medium")
@@ -142,12 +143,6 @@ def plot_screen(found: Screen, *, most: int = 25, ax: "Axes | None" = None) -> "
 def _cycles(pair: ClearingTime, limit: float) -> float:
     """Length of a bar."""
     return limit if pair.status == "stable_at_limit" else pair.cycles or 0.0
-
-
-def _named(pair: ClearingTime) -> str:
-    """The name of a bar: that of the contingency, or place and circuits opened."""
-    place = pair.fault if "-" in pair.fault else f"bus {pair.fault}"
-    return pair.contingency.name or place + (f", trip {', '.join(pair.trip)}" if pair.trip else "")
 
 
 def _note(pair: ClearingTime) -> str:

@@ -6,6 +6,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ..figures.style import whole
 from . import document
 from .document import svg
 
@@ -121,7 +122,9 @@ class Page(NamedTuple):
 
 
 def figure(drawn: "Drawing | Axes", title: str, text: str = "") -> Figure:
-    """A figure with its caption; its title names it for screen readers, too."""
+    """A figure with its caption, which says what its own title says; the caption names it for screen readers, too."""
+    if whole(drawn).get_suptitle():
+        whole(drawn).suptitle("")
     return Figure(svg(drawn, title.rstrip(".")), title, text)
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -58,13 +57,7 @@ def _curves(run: Trajectory) -> list[Part]:
     """The usual quantities, one above the other."""
     storage = ", powers of storage" if run.point.case.storage else ""
     text = "Angles are relative to the center of inertia; voltages are those at the machines, where storage connects."
-    return [figure(_untitled(trajectory.overview(run)), f"Speeds, angles, voltages{storage}.", text)]
-
-
-def _untitled(drawn: Any) -> Any:
-    """The figure without a title, which the page says."""
-    drawn.suptitle("")
-    return drawn
+    return [figure(trajectory.overview(run), f"Speeds, angles, voltages{storage}.", text)]
 
 
 def _events(run: Trajectory) -> Iterator[tuple[str, str]]:
@@ -154,13 +147,13 @@ def estimates(found: Estimates) -> Page:
                 "Speeds",
                 [
                     figure(
-                        _untitled(estimated.plot(found)),
+                        estimated.plot(found),
                         "True and estimated speeds",
                         "against the center of inertia of the others, with three standard deviations as the filter "
                         "reports them.",
                     ),
                     figure(
-                        _untitled(estimated.commands(found)),
+                        estimated.commands(found),
                         "Bang-bang commands",
                         "from true and from estimated speeds.",
                     ),

@@ -107,8 +107,7 @@ def _contingencies(study: Study) -> Iterator[Part]:
 
 def _row(m: Margin) -> tuple[str, ...]:
     p = m.found
-    place = p.fault if "-" in p.fault else f"bus {p.fault}"
-    return p.contingency.name or place, ", ".join(p.trip), cycles(p), f"{m.cycles:+g}", p.limit
+    return p.place, ", ".join(p.trip), cycles(p), f"{m.cycles:+g}", p.limit
 
 
 def _worst(study: Study) -> Iterator[Part]:
@@ -134,9 +133,7 @@ def _worst(study: Study) -> Iterator[Part]:
         head = study.judged[0].title
         yield table(VIOLATIONS, found, f"Violations of {head}.{late}" if found else f"{head}: kept.{late}")
     for m, run in zip(study.margins[:DRAWN], study.worst[:DRAWN], strict=False):
-        drawn = curves.overview(run)
-        drawn.suptitle("")
-        yield figure(drawn, f"{m.found.contingency.label}.", run.outcome.message)
+        yield figure(curves.overview(run), f"{m.found.contingency.label}.", run.outcome.message)
 
 
 def _modes(study: Study) -> Iterator[Part]:
@@ -195,7 +192,7 @@ def _scope(study: Study) -> list[str]:
         *remarks,
         "Three-phase faults without impedance, unless a contingency says otherwise. Loading of lines is not compared "
         "with ratings, which cases do not have; protection other than the clearing of the fault is not modeled.",
-        *(["The modes are those without storage laws and controllers."] if study.how.control is not None else []),
+        *(["The modes are those without storage laws and controllers."] if study.how.control else []),
     ]
 
 
