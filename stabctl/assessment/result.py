@@ -14,14 +14,13 @@ from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.clearing import ClearingTime, Screen
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.judgment import Criteria, Judged, judge
 from stabctl.model.powerflow import PowerFlow
 from stabctl.model.short_circuit import ShortCircuitRatio
 from stabctl.model.unusual import UnusualData
 from stabctl.simulation.control import Control
 from stabctl.simulation.trajectory import Trajectory
 from stabctl.smallsignal import Modes
-
-from .criteria import Criteria, Judged, judge
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,6 +15,8 @@ from stabctl._util.units import cycles, quantity
 from stabctl.clearing import ClearingTime, Screen, screen
 from stabctl.clearing.screen_result import Lines
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
+from stabctl.judgment import Criteria
+from stabctl.judgment import criteria as named
 from stabctl.model import powerflow
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
@@ -25,8 +27,6 @@ from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.simulate import simulate
 from stabctl.smallsignal.analysis import modes
 
-from .criteria import Criteria
-from .criteria import criteria as named
 from .result import BAND, NORMAL, Settings, Study, Wanted, critical
 
 EVERY = 20.0  # s   between two partial studies during the screen

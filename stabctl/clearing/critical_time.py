@@ -6,10 +6,12 @@ The answer is extrapolated from unstable runs, which end early.
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 from stabctl._util.errors import StudyError, shown
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
+from stabctl.judgment import Criteria
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.simulation.contingency import Contingency
@@ -42,6 +44,7 @@ def clearing_time(
     scan: str | float = "auto",
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
+    criteria: Criteria | str | Path | None = None,
     progress: Callable[[Run], None] | None = None,
 ) -> ClearingTime:
     """The critical clearing time of a contingency.
@@ -74,6 +77,9 @@ def clearing_time(
         cycle if they decay or are below 30 degrees.
     step, criterion
         As in `simulate`.
+    criteria : Criteria, str or Path, optional
+        Criteria of performance that a run must keep to count as stable: "wecc-tpl-001", or a file. A run that is too
+        short for them is repeated with the longest observation.
     progress : callable, optional
         Called after every simulation.
 
@@ -104,6 +110,7 @@ def clearing_time(
         criterion=criterion,
         scan=scan,
         longest=longest,
+        keeping=criteria,
     )
     search = replace(search, above_cycles=ABOVE if search.scan_cycles is None else search.scan_cycles)
     trial = Trial(point, _one(contingency).placed(point.case), checked_control(control, point.case), search)

@@ -17,6 +17,7 @@ from stabctl._util.units import cycles
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.jobs import Found, Kind, Runner, Task
 from stabctl.jobs.task import Base, sha256, text
+from stabctl.judgment import Criteria, Violation
 from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
@@ -32,7 +33,7 @@ from .result import ClearingTime
 from .screen_result import Lines, Screen, lines
 from .trial import Margin, Run, Search, Trial
 
-FORMAT = 2
+FORMAT = 3
 FAULTS = "lines", "buses"
 ANSWER = "case", "status", "cycles", "seconds", "machine", "wall_s"
 NEAR = 0.5  # cycles   first stride from the answer of another contingency at the same place
@@ -52,6 +53,7 @@ def screen(
     scan: str | float = "auto",
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
+    criteria: Criteria | str | Path | None = None,
     buses: int | str | Iterable[int] | None = None,
     workers: int | None = None,
     store: str | Path | None = None,
@@ -75,7 +77,7 @@ def screen(
     faults : str or iterable of Contingency or str
         "lines": faults at both ends of every line. "buses": a fault at every bus, cleared without opening a circuit.
         "lines, buses": both. Or the contingencies; their own clearing times are ignored. Default "lines".
-    storage, control, resolution, limit, observe, longest, scan, step, criterion
+    storage, control, resolution, limit, observe, longest, scan, step, criterion, criteria
         As in `clearing_time`.
     buses : int, str, or iterable of int, optional
         Buses with a fault, "83, 102" or [83, 102]; by default all. Not for contingencies that are given.
@@ -117,6 +119,7 @@ def screen(
         criterion=criterion,
         scan=scan,
         longest=longest,
+        keeping=criteria,
     )
     if below is not None:
         search = replace(search, limit_cycles=min(search.limit_cycles, _next(below, search, point.case)))
@@ -268,7 +271,8 @@ def as_plain(found: ClearingTime) -> dict[str, Any]:
 def _run_as_plain(run: Run) -> list[Any]:
     margin = None if run.margin is None else [float(energy) for energy in run.margin]
     swings = None if run.swings is None else list(run.swings)
-    return list(run._replace(margin=margin, swings=swings, stalled=list(run.stalled)))  # type: ignore[arg-type]
+    violated = None if run.violated is None else [*run.violated]
+    return list(run._replace(margin=margin, swings=swings, stalled=[*run.stalled], violated=violated))  # type: ignore[arg-type]
 
 
 def pairs_of(row: dict[str, Any], contingencies: Iterable[Contingency], search: Search) -> list[ClearingTime]:
@@ -290,6 +294,7 @@ def _run_from_plain(plain: list[Any]) -> Run:
         margin=None if run.margin is None else Margin(*run.margin),
         swings=None if run.swings is None else Swings(*run.swings),
         stalled=tuple(run.stalled),
+        violated=None if run.violated is None else Violation(*run.violated),
     )
 
 

@@ -7,6 +7,7 @@ is its margin after the single-machine-equivalent (SIME) method.
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from stabctl._util.errors import StudyError
 from stabctl._util.units import cycles, seconds
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.judgment import Criteria, Violation, criteria, judge
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
@@ -60,6 +62,7 @@ class Search:
     scan_cycles: float | None = None  # range below the answer in which others are tried; None: as its swings demand
     above_cycles: float = 0.0  # the same above it
     longest_s: float = 0.0  # s   observed at most, while the swings have not settled; if less than `observed_s`: never
+    criteria: Criteria | None = None  # that a run must keep to count as stable
 
     def __post_init__(self) -> None:
         if not 0 < self.resolution_cycles <= self.limit_cycles < math.inf:
@@ -88,14 +91,18 @@ class Search:
         criterion: Criterion = DEFAULT,
         scan: Any = AUTO,
         longest: Any = 0.0,
+        keeping: Criteria | str | Path | None = None,
     ) -> "Search":
-        """The search with quantities as a user gives them: text with a unit, or seconds."""
+        """The search with quantities as a user gives them: text with a unit, or seconds; criteria by name or file."""
         hz = case.frequency_hz
         grid, last = cycles(resolution, hz), cycles(limit, hz)
         h = None if step is None else seconds(step, hz)
         observed, most, rules = seconds(observe, hz), seconds(longest, hz), checked(criterion, hz)
         reach = None if scan == AUTO else cycles(scan, hz)
-        return cls(grid, last, observed, h, rules, scan_cycles=reach, longest_s=most)
+        kept = None if keeping is None else criteria(keeping)
+        if kept:
+            kept.check(case)
+        return cls(grid, last, observed, h, rules, scan_cycles=reach, longest_s=most, criteria=kept)
 
     @property
     def range_cycles(self) -> float:
@@ -135,7 +142,7 @@ class Run(NamedTuple):
     """One simulation of a search."""
 
     cycles: float  # clearing time
-    stable: bool
+    stable: bool  # and the criteria kept, if there are any
     outcome: Kind
     machine: int | str | None  # that lost synchronism first
     time_s: float  # s   end of the run, from the fault on
@@ -144,6 +151,8 @@ class Run(NamedTuple):
     observed_s: float = 0.0  # s   simulated after the last event
     stalled: tuple[int, ...] = ()  # buses whose motor loads have stalled at the end
     bus: int | None = None  # whose voltage collapsed
+    violated: Violation | None = None  # the first of the criteria, in a run without instability
+    undecided: str = ""  # what of the criteria it was too short for
 
 
 @dataclass(frozen=True)
@@ -205,10 +214,10 @@ class Trial:
         """Instant (s) of the last event at the grid's point k."""
         return max([self.cleared(k), *(e.at + self.at for e in self.others)])
 
-    def simulate(self, k: int, record: Recorded = False) -> Trajectory:
-        """The run cleared at the grid's point k, until the observation after the last event ends."""
+    def simulate(self, k: int, record: Recorded = False, observe: float | None = None) -> Trajectory:
+        """The run cleared at the grid's point k, until the observation (s) after the last event ends."""
         last = self.last_event(k)
-        until, longest = last + self.search.observed_s, last + self.search.longest_s
+        until, longest = last + (observe or self.search.observed_s), last + self.search.longest_s
         return run_of(self.setup, self.events(k), until, record=record, longest=longest)
 
     @cached_property
@@ -223,11 +232,38 @@ class Trial:
 
     def attempt(self, k: int) -> Run:
         """What the run cleared at the grid's point k shows."""
-        ran = self.simulate(k, record="rotors")
+        ran, violated, undecided = self.judged(k)
         end, cycles = ran.outcome, k * self.search.resolution_cycles
-        beyond, observed = None if end.stable else margin(ran, self.cleared(k)), end.time_s - self.last_event(k)
-        start = Run(cycles, end.stable, end.kind, end.machine, end.time_s - self.at)
-        return start._replace(margin=beyond, swings=end.swings, observed_s=observed, stalled=end.stalled, bus=end.bus)
+        return Run(
+            cycles,
+            end.stable and violated is None,
+            end.kind,
+            end.machine,
+            end.time_s - self.at,
+            margin=None if end.stable else margin(ran, self.cleared(k)),
+            swings=end.swings,
+            observed_s=end.time_s - self.last_event(k),
+            stalled=end.stalled,
+            bus=end.bus,
+            violated=violated,
+            undecided=undecided,
+        )
+
+    def judged(self, k: int) -> tuple[Trajectory, Violation | None, str]:
+        """The run cleared at the grid's point k, its first violation of the criteria, and for what it is too short.
+
+        A run that is too short is repeated with the longest observation.
+        """
+        search = self.search
+        if search.criteria is None:
+            return self.simulate(k, "rotors"), None, ""
+        ran = self.simulate(k, True)
+        found = judge(ran, search.criteria)
+        if found.kept and found.undecided and search.longest_s > search.observed_s:
+            ran = self.simulate(k, True, search.longest_s)
+            found = judge(ran, search.criteria)
+        first = min(found.violations, key=lambda one: one.at_s, default=None) if ran.outcome.stable else None
+        return ran, first, "".join(found.undecided[:1])
 
     def guess(self) -> int:
         """Point of the grid near the answer: a share of the time to loss of synchronism, fault uncleared."""

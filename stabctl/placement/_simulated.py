@@ -11,6 +11,7 @@ from stabctl.clearing import Search, Trial
 from stabctl.clearing.critical_time import last_stable
 from stabctl.jobs import Found, Kind, Task
 from stabctl.jobs.task import Base, sha256, text
+from stabctl.judgment import judge
 from stabctl.simulation.attached import attached, resized
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
@@ -21,7 +22,7 @@ from stabctl.simulation.trajectory import Trajectory
 from .contingencies import target_cycles, without_fault
 from .siting_rows import SAME
 
-FORMAT = 3
+FORMAT = 4
 GRID = 0.125  # cycles
 What = Literal["outcome", "peak", "energy", "currents", "critical time"]
 
@@ -113,9 +114,11 @@ def answer(task: Task) -> Found:
     if one.what == "critical time" and target is not None:
         return _critical_time(one, shared, target)
     asked = VALUES.get(one.what, VALUES["outcome"])  # without a fault there is no critical time
-    ran = simulate(one, shared, record=asked.record)
-    end, values = ran.outcome, asked.of(ran)
-    return _found(end.stable, end.machine, 1, values=json.dumps(values.tolist()))
+    rules = one.search.criteria
+    ran = simulate(one, shared, record=True if rules else asked.record)
+    values = asked.of(ran)
+    kept = judge(ran, rules).kept if rules else ran.outcome.stable
+    return _found(kept, ran.outcome.machine, 1, values=json.dumps(values.tolist()))
 
 
 def _peaks(ran: Trajectory) -> np.ndarray:

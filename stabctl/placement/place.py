@@ -22,6 +22,7 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.estimators import EstimatorName
 from stabctl.jobs import Runner
+from stabctl.judgment import Criteria
 from stabctl.model import fleet, powerflow
 from stabctl.model.tables import Storage
 from stabctl.simulation.control import Control, Sampled, acting, with_law
@@ -66,6 +67,7 @@ def place(
     longest: str | float = 0.0,
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
+    criteria: Criteria | str | Path | None = None,
     validate: EstimatorName | Mapping[str, Sampled] | None = None,
     workers: int | None = None,
     store: str | Path | None = None,
@@ -111,6 +113,8 @@ def place(
         never more than `observe`.
     step, criterion
         As in `simulate`.
+    criteria
+        As in `clearing_time`: criteria of performance that every simulation must keep.
     validate : str or mapping, optional
         Other controllers to simulate the fleet with: the name of an estimator ("kalman"), or controllers by name.
     workers : int, optional
@@ -147,8 +151,9 @@ def place(
     acts = acting_in(control)
     others = other_controllers(validate, acts)
     search = Search.of(
-        case, resolution="0.125cyc", limit=LIMIT, observe=observe, step=step, criterion=criterion, longest=longest
-    )
+        case, resolution="0.125cyc", limit=LIMIT, observe=observe, step=step, criterion=criterion, longest=longest,
+        keeping=criteria,
+    )  # fmt: skip
     wanted = as_contingencies(case, contingencies)
     flow = powerflow.solve(case)
     possible = as_sites(operating_point.solve(case, flow), candidates, cap, costs, flow)
@@ -256,6 +261,7 @@ def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siti
         evidence=rows,
         history=tuple(planes.history),
         observed_s=study.search.observed_s,
+        criteria=study.search.criteria.title if study.search.criteria else "",
         simulations=trials.simulations,
         wall_s=time.perf_counter() - study.began,
         candidates=tuple(
