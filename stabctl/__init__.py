@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from stabctl.io.matpower import read_matpower
     from stabctl.io.psse import read_psse
     from stabctl.io.pst import read_pst
-    from stabctl.judgment import Criteria, Judged, criteria
+    from stabctl.judgment.criteria import Criteria, criteria
+    from stabctl.judgment.judged import Judged
     from stabctl.model.case import Case
     from stabctl.model.powerflow import PowerFlow
     from stabctl.model.powerflow import solve as power_flow
