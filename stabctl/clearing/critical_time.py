@@ -7,11 +7,10 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from stabctl._util.errors import StudyError, shown
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
-from stabctl.judgment import Criteria
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.simulation.contingency import Contingency
@@ -21,6 +20,9 @@ from stabctl.simulation.simulate import checked_control
 
 from .result import ClearingTime, Status
 from .trial import ABOVE, NO_SCAN, Margin, Run, Scan, Search, Trial
+
+if TYPE_CHECKING:
+    from stabctl.judgment import Criteria
 
 APART = 0.5  # cycles   of which the first guess is a multiple
 LONGEST = "20s"  # observed at most
@@ -44,7 +46,7 @@ def clearing_time(
     scan: str | float = "auto",
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
-    criteria: Criteria | str | Path | None = None,
+    criteria: "Criteria | str | Path | None" = None,
     progress: Callable[[Run], None] | None = None,
 ) -> ClearingTime:
     """The critical clearing time of a contingency.

@@ -10,14 +10,13 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import cycles
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.jobs import Found, Kind, Runner, Task
 from stabctl.jobs.task import Base, sha256, text
-from stabctl.judgment import Criteria, Violation
 from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
@@ -32,6 +31,9 @@ from .critical_time import LONGEST, critical, first_try
 from .result import ClearingTime
 from .screen_result import Lines, Screen, lines
 from .trial import Margin, Run, Search, Trial
+
+if TYPE_CHECKING:
+    from stabctl.judgment import Criteria
 
 FORMAT = 3
 FAULTS = "lines", "buses"
@@ -53,7 +55,7 @@ def screen(
     scan: str | float = "auto",
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
-    criteria: Criteria | str | Path | None = None,
+    criteria: "Criteria | str | Path | None" = None,
     buses: int | str | Iterable[int] | None = None,
     workers: int | None = None,
     store: str | Path | None = None,
@@ -289,12 +291,15 @@ def from_plain(plain: dict[str, Any], contingency: Contingency, search: Search) 
 
 def _run_from_plain(plain: list[Any]) -> Run:
     run = Run(*plain)
+    if run.violated is not None:
+        from stabctl.judgment import Violation
+
+        run = run._replace(violated=Violation(*run.violated))
     return run._replace(
         outcome=OutcomeKind(run.outcome),
         margin=None if run.margin is None else Margin(*run.margin),
         swings=None if run.swings is None else Swings(*run.swings),
         stalled=tuple(run.stalled),
-        violated=None if run.violated is None else Violation(*run.violated),
     )
 
 

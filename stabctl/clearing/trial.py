@@ -8,14 +8,13 @@ import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from stabctl._util.errors import StudyError
 from stabctl._util.units import cycles, seconds
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.judgment import Criteria, Violation, criteria, judge
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
@@ -27,6 +26,9 @@ from stabctl.simulation.setup import Setup, setup
 from stabctl.simulation.simulation import run_of
 from stabctl.simulation.swings import Swings, group
 from stabctl.simulation.trajectory import Trajectory
+
+if TYPE_CHECKING:  # pydantic, which reads criteria, is imported where there are some
+    from stabctl.judgment import Criteria, Violation
 
 LONGEST_SCAN = 600.0  # cycles
 AUTO = "auto"  # a scan of `BELOW`, as the swings of the answer demand, and of `ABOVE`
@@ -62,7 +64,7 @@ class Search:
     scan_cycles: float | None = None  # range below the answer in which others are tried; None: as its swings demand
     above_cycles: float = 0.0  # the same above it
     longest_s: float = 0.0  # s   observed at most, while the swings have not settled; if less than `observed_s`: never
-    criteria: Criteria | None = None  # that a run must keep to count as stable
+    criteria: "Criteria | None" = None  # that a run must keep to count as stable
 
     def __post_init__(self) -> None:
         if not 0 < self.resolution_cycles <= self.limit_cycles < math.inf:
@@ -91,7 +93,7 @@ class Search:
         criterion: Criterion = DEFAULT,
         scan: Any = AUTO,
         longest: Any = 0.0,
-        keeping: Criteria | str | Path | None = None,
+        keeping: "Criteria | str | Path | None" = None,
     ) -> "Search":
         """The search with quantities as a user gives them: text with a unit, or seconds; criteria by name or file."""
         hz = case.frequency_hz
@@ -99,10 +101,14 @@ class Search:
         h = None if step is None else seconds(step, hz)
         observed, most, rules = seconds(observe, hz), seconds(longest, hz), checked(criterion, hz)
         reach = None if scan == AUTO else cycles(scan, hz)
-        kept = None if keeping is None else criteria(keeping)
-        if kept:
-            kept.check(case)
-        return cls(grid, last, observed, h, rules, scan_cycles=reach, longest_s=most, criteria=kept)
+        found = cls(grid, last, observed, h, rules, scan_cycles=reach, longest_s=most)
+        if keeping is None:
+            return found
+        from stabctl.judgment import criteria
+
+        kept = criteria(keeping)
+        kept.check(case)
+        return replace(found, criteria=kept)
 
     @property
     def range_cycles(self) -> float:
@@ -151,7 +157,7 @@ class Run(NamedTuple):
     observed_s: float = 0.0  # s   simulated after the last event
     stalled: tuple[int, ...] = ()  # buses whose motor loads have stalled at the end
     bus: int | None = None  # whose voltage collapsed
-    violated: Violation | None = None  # the first of the criteria, in a run without instability
+    violated: "Violation | None" = None  # the first of the criteria, in a run without instability
     undecided: str = ""  # what of the criteria it was too short for
 
 
@@ -249,7 +255,7 @@ class Trial:
             undecided=undecided,
         )
 
-    def judged(self, k: int) -> tuple[Trajectory, Violation | None, str]:
+    def judged(self, k: int) -> tuple[Trajectory, "Violation | None", str]:
         """The run cleared at the grid's point k, its first violation of the criteria, and for what it is too short.
 
         A run that is too short is repeated with the longest observation.
@@ -257,6 +263,8 @@ class Trial:
         search = self.search
         if search.criteria is None:
             return self.simulate(k, "rotors"), None, ""
+        from stabctl.judgment import judge
+
         ran = self.simulate(k, True)
         found = judge(ran, search.criteria)
         if found.kept and found.undecided and search.longest_s > search.observed_s:

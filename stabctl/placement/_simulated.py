@@ -11,7 +11,6 @@ from stabctl.clearing import Search, Trial
 from stabctl.clearing.critical_time import last_stable
 from stabctl.jobs import Found, Kind, Task
 from stabctl.jobs.task import Base, sha256, text
-from stabctl.judgment import judge
 from stabctl.simulation.attached import attached, resized
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
@@ -116,8 +115,11 @@ def answer(task: Task) -> Found:
     asked = VALUES.get(one.what, VALUES["outcome"])  # without a fault there is no critical time
     rules = one.search.criteria
     ran = simulate(one, shared, record=True if rules else asked.record)
-    values = asked.of(ran)
-    kept = judge(ran, rules).kept if rules else ran.outcome.stable
+    values, kept = asked.of(ran), ran.outcome.stable
+    if rules:
+        from stabctl.judgment import judge
+
+        kept = judge(ran, rules).kept
     return _found(kept, ran.outcome.machine, 1, values=json.dumps(values.tolist()))
 
 

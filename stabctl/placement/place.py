@@ -8,7 +8,7 @@ of the search.
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.estimators import EstimatorName
 from stabctl.jobs import Runner
-from stabctl.judgment import Criteria
 from stabctl.model import fleet, powerflow
 from stabctl.model.tables import Storage
 from stabctl.simulation.control import Control, Sampled, acting, with_law
@@ -40,6 +39,9 @@ from .site_options import sites as as_sites
 from .siting import CandidateSite, Costs, Infeasible, Site, Siting, Survived
 from .siting_rows import label
 from .trials import Trials
+
+if TYPE_CHECKING:
+    from stabctl.judgment import Criteria
 
 UNIFORM = 0.05  # of machine MVA   the uniform fleet that is scaled
 LESS = 0.97  # of the fleet, at which a binding contingency is lost
@@ -67,7 +69,7 @@ def place(
     longest: str | float = 0.0,
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
-    criteria: Criteria | str | Path | None = None,
+    criteria: "Criteria | str | Path | None" = None,
     validate: EstimatorName | Mapping[str, Sampled] | None = None,
     workers: int | None = None,
     store: str | Path | None = None,
