@@ -42,8 +42,8 @@ class Measured(NamedTuple):
     """The order of one screen."""
 
     faults: int
-    index: Ranking
-    lasting: Ranking  # by the time at which a lasting fault causes loss of synchronism
+    by_index: Ranking
+    by_lasting: Ranking  # by the time at which a lasting fault causes loss of synchronism
     runs: float  # share of the runs that are those of the index
     time: float  # the same of the time
 
@@ -51,13 +51,16 @@ class Measured(NamedTuple):
 def study(reports: Path) -> Study:
     """The table of all systems."""
     every = {name: measured(*how) for name, how in SYSTEMS.items()}
-    rows = []
-    for name, one in every.items():
-        found = [cell for of in (one.index, one.lasting) for cell in (f"{of.found} of {of.worst}", str(of.last))]
-        rows.append((name, str(one.faults), *found, f"{100 * one.runs:.0f} %", f"{100 * one.time:.0f} %"))
-    found, worst = (sum(getattr(one.index, what) for one in every.values()) for what in ("found", "worst"))
-    tables = (Table(f"The worst faults among the first {FIRST}", HEADS, tuple(rows)),)
+    rows = tuple((name, *counts(one), f"{100 * one.time:.0f} %") for name, one in every.items())
+    found, worst = (sum(getattr(one.by_index, what) for one in every.values()) for what in ("found", "worst"))
+    tables = (Table(f"The worst faults among the first {FIRST}", HEADS, rows),)
     return Study("Order of a screen", text=(TEXT, f"The index finds {found} of {worst}."), tables=tables)
+
+
+def counts(one: Measured) -> tuple[str, ...]:
+    """The numbers of a row that every machine gives."""
+    found = (cell for of in (one.by_index, one.by_lasting) for cell in (f"{of.found} of {of.worst}", str(of.last)))
+    return str(one.faults), *found, f"{100 * one.runs:.0f} %"
 
 
 def measured(case: str, classical: bool = False, given: Mapping[str, Any] | None = None) -> Measured:
