@@ -12,7 +12,7 @@ from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular, inert
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
-from stabctl.clearing import ClearingTime, Screen
+from stabctl.clearing import ClearingTime, Screen, Severity
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.judgment import Criteria, Judged, judge
 from stabctl.model.powerflow import PowerFlow
@@ -70,6 +70,8 @@ class Study(Tabular):
         Short-circuit ratios; None also without converters.
     screen : Screen or None
         Critical clearing times.
+    ranking : tuple of Severity
+        During the screen: the contingencies in the order of a short run of each, the worst first.
     worst : tuple of Trajectory
         Runs of the contingencies with the smallest margins, cleared after the guaranteed time.
     how : Settings
@@ -92,6 +94,7 @@ class Study(Tabular):
     modes: Modes | None = None
     ratios: ShortCircuitRatio | None = None
     screen: Screen | None = None
+    ranking: tuple[Severity, ...] = ()
     worst: tuple[Trajectory, ...] = ()
     wall_s: float = 0.0
 
@@ -218,7 +221,7 @@ class Study(Tabular):
         said = []
         if self.screen is not None:
             number, lost = counted(len(self.screen.pairs), "contingency"), self.insecure
-            number += "" if self.complete else " screened so far"
+            number += "" if self.complete else f" screened so far ({self.screen.screened} in all)"
             if lost:
                 first, be = lost[0].found, "is" if len(lost) == 1 else "are"
                 said.append(

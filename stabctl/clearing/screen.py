@@ -28,6 +28,7 @@ from stabctl.simulation.simulate import checked_control
 from stabctl.simulation.swings import Swings
 
 from .critical_time import LONGEST, critical, first_try
+from .index import Severity, ranked
 from .result import ClearingTime
 from .screen_result import Lines, Screen, lines
 from .trial import Margin, Run, Search, Trial
@@ -62,6 +63,7 @@ def screen(
     scheduler: str | None = None,
     progress: Callable[[int, int], None] | None = None,
     each: Callable[[Sequence[ClearingTime]], None] | None = None,
+    ranking: Callable[[Sequence[Severity]], None] | None = None,
 ) -> Screen:
     """The critical clearing times of bolted faults at both ends of every line, or of other contingencies.
 
@@ -92,7 +94,10 @@ def screen(
     progress : callable, optional
         Called with the number of pairs done and the total.
     each : callable, optional
-        Called with the pairs of one place, as soon as they are found.
+        Called with the pairs of one place, as soon as they are found; the worst places come first, as one short run of
+        every pair ranks them. The pairs do not depend on it.
+    ranking : callable, optional
+        Called before the search with what these runs show, the worst first.
 
     Returns
     -------
@@ -129,8 +134,14 @@ def screen(
     shared = Shared(Base(point), search, checked_control(control, point.case))
     began, pairs = time.perf_counter(), list[ClearingTime]()
     simulations, size = 0, sum(map(len, places.values()))
-    with Runner(PLACE, store=store, workers=workers, scheduler=scheduler) as runner:
-        for task, row in runner.rows(tasks(places, shared, runner.remote)):
+    how: dict[str, Any] = {"store": store, "workers": workers, "scheduler": scheduler}
+    with Runner(PLACE, **how) as runner:
+        ordered = tasks(places, shared, runner.remote)
+        if each or ranking:
+            ordered, severities = ranked(ordered, **how)
+            if ranking:
+                ranking(severities)
+        for task, row in runner.rows(ordered):
             here = pairs_of(row, task.job.contingencies, search)
             pairs += here
             simulations += row["simulations"]

@@ -56,7 +56,7 @@ class Screen:
     screened : int
         Number of pairs tried.
     simulations : int
-        Number of simulations.
+        Number of simulations of the searches.
     wall_s : float, s
         Computing time.
 

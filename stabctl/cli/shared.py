@@ -213,7 +213,7 @@ class Lines(AbstractContextManager["Lines"]):
     def __call__(self, done: float | None, remark: str = "") -> None:
         """So much is done."""
         self.done, self.remark, now = done or 0.0, remark, time.monotonic()
-        if now - self.began < SETTLED:
+        if now - self.began < SETTLED or not done:
             self.first = now, self.done
         elif not self.said and self.left() > LONG:
             self.say()
