@@ -262,13 +262,13 @@ class Trial:
         """
         search = self.search
         if search.criteria is None:
-            return self.simulate(k, "rotors"), None, ""
+            return self.simulate(k, record="rotors"), None, ""
         from stabctl.judgment import judge
 
-        ran = self.simulate(k, True)
+        ran = self.simulate(k, record=True)
         found = judge(ran, search.criteria)
         if found.kept and found.undecided and search.longest_s > search.observed_s:
-            ran = self.simulate(k, True, search.longest_s)
+            ran = self.simulate(k, record=True, observe=search.longest_s)
             found = judge(ran, search.criteria)
         first = min(found.violations, key=lambda one: one.at_s, default=None) if ran.outcome.stable else None
         return ran, first, "".join(found.undecided[:1])
