@@ -1,7 +1,9 @@
-"""Security assessment: power flow, modes, fault screen and the worst faults of a system, in one answer; criteria."""
+"""Security assessment: power flow, modes, fault screen, worst faults and remedies, in one answer; criteria; prices."""
 
 from .criteria import Criteria, Judged, criteria, judge
+from .prices import Prices
+from .remedy import Remedy
 from .result import Study
 from .study import study
 
-__all__ = ["Criteria", "Judged", "Study", "criteria", "judge", "study"]
+__all__ = ["Criteria", "Judged", "Prices", "Remedy", "Study", "criteria", "judge", "study"]
