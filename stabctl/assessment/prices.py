@@ -1,4 +1,4 @@
-"""Prices of what may help a system: storage, other dispatch, retuned stabilizers; of a TOML file, or given in Python."""
+"""Prices of what may help a system: storage, other dispatch, retuned stabilizers; given, or of a TOML file."""
 
 import math
 from dataclasses import dataclass, fields
@@ -84,9 +84,10 @@ def prices(given: Prices | str | Path | None) -> Prices:
     content = toml_file.read(path, "file of prices")
     known = [f.name for f in fields(Prices)]
     table = content.pop("prices", None)
-    if content or not isinstance(table, dict):
-        what = toml_file.unknown(next(iter(content)), ["prices"]) if content else f"write [prices] with {known[0]} = ..."
-        raise StudyError(f"{path}: {what}")
+    if content:
+        raise StudyError(f"{path}: {toml_file.unknown(next(iter(content)), ['prices'])}")
+    if not isinstance(table, dict):
+        raise StudyError(f"{path} has no prices; write a table [prices] with {known[0]} = 300e3, for example.")
     for key in table.keys() - {*known}:
         raise StudyError(f"{path}: {toml_file.unknown(key, known)}")
     try:

@@ -6,12 +6,12 @@ Stability of Power Systems: A Unified Approach to Assessment and Control", 2000)
 margins; here it is found by bisection on simulations, which need no margin.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from stabctl._util.errors import StabctlError, StudyError
+from stabctl._util.errors import EquilibriumError, PowerFlowError, StudyError
 from stabctl._util.units import cycles
 from stabctl._util.wording import enumerated
 from stabctl.clearing.trial import Search, Trial
@@ -32,7 +32,14 @@ class Shift(NamedTuple):
     words: str
 
 
-def redispatch(point: OperatingPoint, lost: Iterable[Contingency], search: Search, control: Control = None) -> Shift:
+def redispatch(
+    point: OperatingPoint,
+    lost: Sequence[Contingency],
+    search: Search,
+    *,
+    control: Control = None,
+    tried: Sequence[OperatingPoint] = (),
+) -> Shift:
     """The smallest shift with which a system survives contingencies, in steps of 1 % of the power of the group.
 
     The critical machines give up power in proportion to what they produce. The others of their island take it in
@@ -42,12 +49,14 @@ def redispatch(point: OperatingPoint, lost: Iterable[Contingency], search: Searc
     ----------
     point : OperatingPoint
         The system.
-    lost : iterable of Contingency
+    lost : sequence of Contingency
         Contingencies with the clearing times that are to be survived, the worst first.
     search : Search
         Grid, observation and criterion by which a run is judged.
     control : Control
         As in `simulate`.
+    tried : sequence of OperatingPoint
+        Dispatches that were not enough: a machine that is critical with one of them takes no power.
 
     Returns
     -------
@@ -58,35 +67,42 @@ def redispatch(point: OperatingPoint, lost: Iterable[Contingency], search: Searc
     StudyError
         If no machine loses synchronism, there are no others with power to spare, or no shift is enough.
     """
-    wanted = [(one, round(cycles(one.clear or 0.0, point.case.frequency_hz) / search.resolution_cycles)) for one in lost]
-    runs = (Trial(point, one, control, search).simulate(k, record="rotors") for one, k in wanted)
-    room = _Room.of(point, runs)
+    hz, grid = point.case.frequency_hz, search.resolution_cycles
+    wanted = [(one, round(cycles(one.clear or 0.0, hz) / grid)) for one in lost]
 
-    def enough(steps: int) -> Shift | None:
-        """The shift, if everything is survived with it."""
-        try:
-            new = room.shift(steps * STEP)
-            good = all(Trial(new.point, one, control, search).attempt(k).stable for one, k in wanted)
-        except StabctlError:  # no power flow or no equilibrium
-            return None
-        return new if good else None
+    def ahead(there: OperatingPoint) -> list[np.ndarray]:
+        """Which rotors are ahead when synchronism is lost, in each of the contingencies."""
+        return [_ahead(Trial(there, one, control, search).simulate(k, record="rotors")) for one, k in wanted]
 
-    low, high, last, best = 0, 1, int(room.most / STEP + 1e-9), None
-    while high <= last and not (best := enough(high)):
+    sides = ahead(point)
+    later = [side for other in tried for side in ahead(other)]
+    room = _Room.of(point, np.logical_or.reduce(sides), np.logical_or.reduce([*sides, *later]))
+
+    def survives(steps: int) -> bool:
+        new = room.shift(steps * STEP)
+        return new is not None and all(Trial(new.point, one, control, search).attempt(k).stable for one, k in wanted)
+
+    low, high, last = 0, 1, int(room.most / STEP + 1e-9)
+    if last and not room.shift(last * STEP):
+        last = _first(0, last, lambda steps: room.shift(steps * STEP) is None) - 1
+    while high <= last and not survives(high):
         low, high = high, max(min(2 * high, last), high + 1)
+    best = room.shift(_first(low, high, survives) * STEP) if high <= last else None
     if best is None:
-        most = room.most * room.power.sum()
+        most = last * STEP * room.power.sum()
         raise StudyError(
-            f"Less power at {enumerated('machine', room.names)} is not enough, up to {most:.4g} MW, which is all that "
-            "they produce or the others can take."
+            f"Less power at {enumerated('machine', room.group)} is not enough, up to {most:.4g} MW, beyond which they "
+            "produce no power, the ratings of the others are exceeded, or there is no operating point."
         )
+    return best
+
+
+def _first(low: int, high: int, holds: Callable[[int], bool]) -> int:
+    """The first number at which something holds that does not at `low`, but at `high`, by bisection."""
     while high - low > 1:
         middle = (low + high) // 2
-        if found := enough(middle):
-            high, best = middle, found
-        else:
-            low = middle
-    return best
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return high
 
 
 class _Room(NamedTuple):
@@ -100,10 +116,9 @@ class _Room(NamedTuple):
     spare: np.ndarray  # (islands) MW   of the others
 
     @classmethod
-    def of(cls, point: OperatingPoint, runs: Iterable[Trajectory]) -> "_Room":
-        """Of the machines that are ahead when synchronism is lost in any of these runs."""
+    def of(cls, point: OperatingPoint, ahead: np.ndarray, barred: np.ndarray) -> "_Room":
+        """Of the rotors that are ahead, and those that take no power, which they are among (rotor units)."""
         case, rotors = point.case, point.rotors.unit
-        ahead = np.logical_or.reduce([np.zeros(len(rotors), bool), *map(_ahead, runs)])
         if not ahead.any():
             raise StudyError("No group of machines loses synchronism in them, so no power can be shifted from it.")
         produced = point.flow.S.real * case.base_mva
@@ -111,13 +126,11 @@ class _Room(NamedTuple):
         P, rest = np.maximum(produced[rotors], 0.0), np.where(produced[rotors] > 0, spare[rotors], 0.0)
         inside = np.array([point.rotor_island == k for k in np.unique(point.rotor_island[ahead])])
         give, take = np.zeros((2, len(inside), len(produced)))
-        give[:, rotors], take[:, rotors] = inside * ahead * P, inside * ~ahead * rest
+        give[:, rotors], take[:, rotors] = inside * ahead * P, inside * ~barred * rest
         power, room = give.sum(axis=1), take.sum(axis=1)
         if not (power.all() and room.all()):
             group = [name for name, of in zip(point.rotor_names, ahead, strict=True) if of]
-            raise StudyError(
-                f"There is no other machine with power to spare to which {enumerated('machine', group)} could shift any."
-            )
+            raise StudyError(f"No other machine can take the power that {enumerated('machine', group)} would give up.")
         return cls(point, produced, give / power[:, None], take / room[:, None], power, room)
 
     @property
@@ -126,24 +139,27 @@ class _Room(NamedTuple):
         return float(min(1.0, *(self.spare / self.power)))
 
     @property
-    def names(self) -> list[int | str]:
+    def group(self) -> list[int | str]:
         """The critical machines."""
-        return self._named(self.give.any(axis=0))
+        return self._named(self.give.sum(axis=0) > 0)
 
     def _named(self, which: np.ndarray) -> list[int | str]:
         return [m.called for m, of in zip(self.point.case.machines, which, strict=True) if of]
 
-    def shift(self, share: float) -> Shift:
-        """The system in which the critical machines give up a share of their power."""
+    def shift(self, share: float) -> Shift | None:
+        """The system in which the critical machines give up a share of their power; None without an equilibrium."""
         given = share * self.power
         now = self.produced + given @ (self.take - self.give)
         case, total = self.point.case, float(given.sum())
-        changed = self.give.any(axis=0) | self.take.any(axis=0)
-        rows = zip(case.machines, now.tolist(), changed, strict=True)
+        fewer, more = (each.sum(axis=0) > 0 for each in (self.give, self.take))
+        rows = zip(case.machines, now.tolist(), fewer | more, strict=True)
         values = {f"machines.{m.machine}.p": round(mw, 6) for m, mw, of in rows if of}
-        fewer, more = (enumerated("machine", self._named(who.any(axis=0))) for who in (self.give, self.take))
-        words = f"{total:.4g} MW less at {fewer}; {total:.4g} MW more at {more}"
-        return Shift(operating_point(case.set(values)), values, total, words)
+        less, to = (enumerated("machine", self._named(which)) for which in (fewer, more))
+        words = f"{total:.4g} MW less at {less}; {total:.4g} MW more at {to}"
+        try:
+            return Shift(operating_point(case.set(values)), values, total, words)
+        except (PowerFlowError, EquilibriumError):
+            return None
 
 
 def _ahead(run: Trajectory) -> np.ndarray:

@@ -1,8 +1,8 @@
 """What would help an insecure system: retuned stabilizers, storage, another dispatch; each verified by the same study.
 
-Stabilizers are retuned by `design.tune`, storage is sited and sized by `place`, and power is shifted by `redispatch`, all
-for what the study has found. With the change, the whole study is repeated. Contingencies that are lost then are added
-to those that must be survived, and the search is repeated, up to three times.
+Stabilizers are retuned by `design.tune`, storage is sited and sized by `place`, and power is shifted by `redispatch`,
+all for what the study has found. With the change, the whole study is repeated. Contingencies that are lost then are
+added to those that must be survived, and the search is repeated, up to three times.
 """
 
 import math
@@ -50,7 +50,7 @@ def kinds(text: str) -> tuple[str, ...]:
 
     Raises `StudyError` for any other word.
     """
-    given = naming.listed(text) if isinstance(text, str) else [text]
+    given = [word for word in naming.listed(text) if word] if isinstance(text, str) else [text]
     words = [] if given == ["none"] else [*KINDS] if given == ["all"] else given
     for word in words:
         if word not in KINDS:
@@ -66,23 +66,21 @@ def applicable(study: Study, asked: Sequence[str]) -> tuple[str, ...]:
 
 def remedy(kind: str, asked: Asked) -> Remedy:
     """The remedy of a kind, with what a study finds with it."""
-    found = Remedy(kind, state(asked.study), prices=asked.prices)
     find: Find = {"stabilizers": _retuned, "storage": _stored, "redispatch": _shifted}[kind](asked)
-    best: tuple[Change, Study] | None = None
-    why = ""
+    before, best, why = state(asked.study), None, ""
     try:
-        for change, after in _rounds(asked, find, repeated=kind != "stabilizers"):
+        for change, after in _rounds(asked, find, ROUNDS if kind != "stabilizers" else 1):
             if best is None or len(after.insecure) < len(best[1].insecure):
                 best = change, after
-            if not after.insecure:
-                break
     except StabctlError as error:
         why = str(error)
     if best is None:
-        return Remedy(kind, found.before, prices=asked.prices, remark=why)
+        return Remedy(kind, before, prices=asked.prices, remark=why)
     change, after = best
+    if why:
+        why = f"For what is lost then, too, nothing was found: {why}"
     unsolved = f"Nothing was found for {listed(change.unsolved)}." if change.unsolved else ""
-    return Remedy(kind, found.before, state(after), change, asked.prices, why or unsolved)
+    return Remedy(kind, before, state(after), change, asked.prices, why or unsolved)
 
 
 def state(study: Study) -> State:
@@ -94,11 +92,11 @@ def state(study: Study) -> State:
     return State(study.secure, *numbers)
 
 
-def _rounds(asked: Asked, find: Find, repeated: bool) -> Iterator[tuple[Change, Study]]:
+def _rounds(asked: Asked, find: Find, most: int) -> Iterator[tuple[Change, Study]]:
     """Changes, and the study with each, while contingencies are lost that the last one was not made for."""
     wanted: list[Contingency] = []
     lost, change = asked.study.insecure, None
-    for _ in range(ROUNDS if repeated else 1):
+    for _ in range(most):
         left = [m for m in lost if change is None or m.found.contingency.label not in change.unsolved]
         new = [one for one in (_required(m, wanted) for m in left) if one not in wanted]
         if not new and change:
@@ -119,7 +117,9 @@ def _required(m: Margin, wanted: Sequence[Contingency]) -> Contingency:
     least = critical(found) - m.cycles
     point = math.ceil(least / search.resolution_cycles - 1e-6) * search.resolution_cycles
     one = found.contingency.with_clear(f"{point!r}cyc")
-    return found.contingency.with_clear(f"{found.lowest_unstable!r}cyc") if one in wanted and found.lowest_unstable else one
+    if one in wanted and found.lowest_unstable:
+        return found.contingency.with_clear(f"{found.lowest_unstable!r}cyc")
+    return one
 
 
 def _retuned(asked: Asked) -> Find:
@@ -139,7 +139,7 @@ def _retuned(asked: Asked) -> Find:
         values, told = dict[str, float](), list[str]()
         for model, n in ((model, n) for model, numbers in machines.items() for n in numbers):
             old, new = (one.devices[model][n]._asdict() for one in (case, tuned))
-            values |= {f"{model}.{n}.{name}": x for name, x in new.items() if x != old[name]}
+            values |= {f"{model}.{n}.{name}": float(x) for name, x in new.items() if x != old[name]}
             gain = MODELS[model].gain
             told.append(f"{old[gain]:.3g} to {new[gain]:.3g} at machine {case.machine(n).called}")
         words = f"{counted(len(told), 'stabilizer')} retuned, gains {listed(told)}"
@@ -168,12 +168,21 @@ def _stored(asked: Asked) -> Find:
         study, costs = asked.study, asked.prices.costs
         assert study.screen is not None
         point, control, how = study.point, acting_in(study.how.control), study.screen.search
-        runs = {"observe": how.observed_s, "longest": how.longest_s, "step": how.step, "criterion": how.criterion}
-        fleet = place(point, wanted, costs=costs or Costs(), control=control, **runs, **asked.running)
+        fleet = place(
+            point,
+            wanted,
+            costs=costs or Costs(),
+            control=control,
+            observe=how.observed_s,
+            longest=how.longest_s,
+            step=how.step,
+            criterion=how.criterion,
+            **asked.running,
+        )
         devices = *point.case.storage, *fleet.storage()
         sizes = [f"{s.size} MW at bus {s.bus} for machine {point.case.machine(s.machine).called}" for s in fleet.sites]
         return Change(
-            f"storage of {listed(sizes)}" if sizes else "no storage",
+            listed(sizes) if sizes else "no storage",
             operating_point(point, devices),
             control,
             f"with_storage([{', '.join(f'st.{device!r}' for device in devices)}])",
@@ -187,11 +196,13 @@ def _stored(asked: Asked) -> Find:
 
 def _shifted(asked: Asked) -> Find:
     """The smallest shift of power with which contingencies are survived."""
+    tried: list[OperatingPoint] = []
 
     def find(wanted: Sequence[Contingency]) -> Change:
         study = asked.study
         assert study.screen is not None
-        found = redispatch(study.point, wanted, study.screen.search, study.how.control)
+        found = redispatch(study.point, wanted, study.screen.search, control=study.how.control, tried=tried)
+        tried.append(found.point)
         cost = asked.prices.redispatch(found.mw)
         return Change(found.words, found.point, study.how.control, f"set({found.values})", found.mw, cost)
 

@@ -61,7 +61,7 @@ class Remedy:
     >>> study = st.study(st.load("two_area"), clear="10cyc", faults="lines", worst=0, remedies="redispatch")
     >>> remedy, = study.remedies
     >>> remedy.solves, remedy.change.words
-    (True, '... MW less at machines 3, 4; ... MW more at machines 1, 2')
+    (True, '... MW less at machines 1, 2; ... MW more at machines 3, 4')
     """
 
     kind: str

@@ -119,6 +119,8 @@ def study(
             f"{voltages[0]:g} to {voltages[1]:g} pu and {worst} runs cannot be studied; the first must be above 0, the "
             "second from 0 to 1, and the third a range."
         )
+    if prices is not None and not kinds(remedies):
+        raise StudyError("Prices are those of remedies; give remedies='all', too, or leave them out.")
     tell, asked, costs = progress or (lambda _share, _part: None), kinds(remedies), priced(prices)
     search = {**search, "control": control, "criterion": criterion}
     known = {name: search[name] for name in ("control", "criterion", "step") if search.get(name) is not None}
