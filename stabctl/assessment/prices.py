@@ -15,13 +15,15 @@ class Prices:
 
     Parameters
     ----------
-    storage_mw, storage_mwh, storage_site : float
-        Storage: price of a MW, a MWh and a site. Without that of a MW, storage has no cost.
-    redispatch_mwh : float
+    storage_mw : float, optional
+        Price of a MW of storage.
+    storage_mwh, storage_site : float
+        Prices of a MWh of storage and of a site, which count beside that of a MW.
+    redispatch_mwh : float, optional
         Price of a MWh that other machines produce.
     hours : float
         Hours per year with the other dispatch; the cost is that of a year. Default 8760.
-    stabilizer : float
+    stabilizer : float, optional
         Price of retuning a stabilizer.
     currency : str
         What the currency is called: "EUR".
@@ -34,8 +36,8 @@ class Prices:
     Examples
     --------
     >>> prices = st.Prices(storage_mw=300e3, storage_site=1e6, redispatch_mwh=20, hours=500, currency="EUR")
-    >>> prices.redispatch(120), prices.told(1234567)
-    (1200000.0, '1,234,567 EUR')
+    >>> prices.costs
+    Costs(mw=300000.0, site=1000000.0, mwh=0.0)
     """
 
     storage_mw: float | None = None
@@ -59,18 +61,6 @@ class Prices:
     def costs(self) -> Costs | None:
         """What storage costs, as in `place`; None without a price of a MW."""
         return None if self.storage_mw is None else Costs(self.storage_mw, self.storage_site, self.storage_mwh)
-
-    def redispatch(self, mw: float) -> float | None:
-        """Cost of so many MW from other machines, in a year."""
-        return None if self.redispatch_mwh is None else self.redispatch_mwh * mw * self.hours
-
-    def retuning(self, number: int) -> float | None:
-        """Cost of retuning so many stabilizers."""
-        return None if self.stabilizer is None else self.stabilizer * number
-
-    def told(self, cost: float) -> str:
-        """A cost in words."""
-        return f"{cost:,.0f} {self.currency}".rstrip()
 
 
 def prices(given: Prices | str | Path | None) -> Prices:

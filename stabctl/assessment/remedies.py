@@ -144,7 +144,7 @@ def _retuned(asked: Asked) -> Find:
             told.append(f"{old[gain]:.3g} to {new[gain]:.3g} at machine {case.machine(n).called}")
         words = f"{counted(len(told), 'stabilizer')} retuned, gains {listed(told)}"
         point = operating_point(case.set(values))
-        return Change(words, point, control, f"set({values})", None, asked.prices.retuning(len(told)))
+        return Change(words, point, control, f"set({values})", None, _times(asked.prices.stabilizer, len(told)))
 
     return find
 
@@ -203,7 +203,12 @@ def _shifted(asked: Asked) -> Find:
         assert study.screen is not None
         found = redispatch(study.point, wanted, study.screen.search, control=study.how.control, tried=tried)
         tried.append(found.point)
-        cost = asked.prices.redispatch(found.mw)
+        cost = _times(asked.prices.redispatch_mwh, found.mw * asked.prices.hours)
         return Change(found.words, found.point, study.how.control, f"set({found.values})", found.mw, cost)
 
     return find
+
+
+def _times(price: float | None, amount: float) -> float | None:
+    """The cost of an amount; None without a price."""
+    return None if price is None else price * amount

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from stabctl._util.wording import counted
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.simulation.control import Control
 
@@ -82,6 +81,11 @@ class Remedy:
         return self.change.cost if self.change else None
 
     @property
+    def price(self) -> str:
+        """The cost with its currency; empty without one."""
+        return "" if self.cost is None else f"{self.cost:,.0f} {self.prices.currency}".rstrip()
+
+    @property
     def verdict(self) -> str:
         """Whether it is enough, in a sentence."""
         if self.after is None:
@@ -105,10 +109,9 @@ class Remedy:
     def __str__(self) -> str:
         if self.change is None or self.after is None:
             return f"{self.kind.capitalize()}: {self.verdict[0].lower()}{self.verdict[1:]}"
-        cost = "" if self.cost is None else f", cost {self.prices.told(self.cost)}"
+        cost = f", cost {self.price}" if self.price else ""
         told = ", ".join(f"{name} {values}" for name, values in self.rows() if "voltages" not in name)
-        of = f" (of {counted(self.after.contingencies, 'contingency')})"
-        return f"{self.kind.capitalize()}: {self.change.words}{cost}: {told}{of}. {self.verdict}"
+        return f"{self.kind.capitalize()}: {self.change.words}{cost}: {told}. {self.verdict}"
 
     __repr__ = __str__
 

@@ -169,9 +169,8 @@ def _remedies(study: Study) -> Iterator[Part]:
     heads = *REMEDIES, *(name for name, _ in study.remedies[0].rows()), "secure"
     rows = []
     for r in study.remedies:
-        cost = "" if r.cost is None else r.prices.told(r.cost)
         change = r.change.words if r.change else r.verdict
-        rows.append((r.kind, change, cost, *(values for _, values in r.rows()), "yes" if r.solves else "no"))
+        rows.append((r.kind, change, r.price, *(values for _, values in r.rows()), "yes" if r.solves else "no"))
     note = "Without the change to with it, by the same study of the changed system. Each is looked at alone."
     yield table(heads, rows, note)
     yield from (Text(f"{r.kind.capitalize()}: {r.remark}") for r in study.remedies if r.change and r.remark)
