@@ -180,17 +180,27 @@ def test_there_must_be_machines_to_shift_to(base):
         redispatch(base, [LOST.with_clear("5cyc")], search)
 
 
-def test_each_remedy_is_told_when_it_is_found(base, tmp_path):
+def test_each_remedy_is_told_when_it_is_found(base):
     parts, shares = [], []
-    told = {"each": parts.append, "progress": lambda *one: shares.append(one), "store": tmp_path}
+    told = {"each": parts.append, "progress": lambda *one: shares.append(one)}
     whole = base.study(**ASKED, remedies="redispatch, storage", **told)
     assert [len(p.remedies) for p in parts][-3:] == [0, 1, 2]
     assert [share for share, _ in shares] == sorted(share for share, _ in shares)
     assert [part for _, part in shares][-2:] == ["redispatch", "storage"]
     assert "remedies are still computed" in study_page.page(parts[-2]).html()
     assert "still computed" not in study_page.page(whole).html()
-    again = base.study(**ASKED, remedies="redispatch, storage", store=tmp_path)
-    assert again.remarks() == whole.remarks()
+
+
+def test_an_interrupted_study_goes_on_with_its_remedies(base, study, tmp_path):
+    def stop(_, part):
+        if part == "redispatch":
+            raise KeyboardInterrupt
+
+    asked = ASKED | {"remedies": "storage, redispatch", "prices": study.remedies[0].prices, "store": tmp_path}
+    with pytest.raises(KeyboardInterrupt):
+        base.study(**asked, progress=stop)
+    assert {p.name for p in tmp_path.glob("*.db")} == {"screen.db", "place.db"}
+    assert base.study(**asked, workers=1).remarks() == study.remarks()
 
 
 def test_the_page_and_the_workbook_have_them(study, tmp_path):
