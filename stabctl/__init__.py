@@ -14,6 +14,8 @@ TYPE_CHECKING = False  # importing typing takes longer than the rest, and Ctrl-C
 if TYPE_CHECKING:
     from stabctl import design
     from stabctl._util.errors import StabctlError
+    from stabctl.assessment.prices import Prices
+    from stabctl.assessment.remedy import Remedy
     from stabctl.assessment.result import Study
     from stabctl.assessment.study import study
     from stabctl.clearing.critical_time import ClearingTime, clearing_time
@@ -89,6 +91,8 @@ _WHERE = {
     "OperatingPoint": "dynamics.operating_point:OperatingPoint",
     "Pmu": "estimation.pmu:Pmu",
     "PowerFlow": "model.powerflow:PowerFlow",
+    "Prices": "assessment.prices:Prices",
+    "Remedy": "assessment.remedy:Remedy",
     "Screen": "clearing:Screen",
     "ShortCircuit": "model.short_circuit:ShortCircuit",
     "ShortCircuitRatio": "model.short_circuit:ShortCircuitRatio",

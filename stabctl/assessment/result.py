@@ -22,6 +22,9 @@ from stabctl.simulation.control import Control
 from stabctl.simulation.trajectory import Trajectory
 from stabctl.smallsignal import Modes
 
+from .remedy import Remedy
+from .remedy import table as remedy_table
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -76,6 +79,8 @@ class Study(Tabular):
         Runs of the contingencies with the smallest margins, cleared after the guaranteed time.
     how : Settings
         How it was computed.
+    remedies : tuple of Remedy
+        What would help, as far as it was asked for.
     wall_s : float, s
         Computing time.
 
@@ -96,6 +101,7 @@ class Study(Tabular):
     screen: Screen | None = None
     ranking: tuple[Severity, ...] = ()
     worst: tuple[Trajectory, ...] = ()
+    remedies: tuple[Remedy, ...] = ()
     wall_s: float = 0.0
 
     report = verb("stabctl.view.pages.study_page:write")
@@ -185,6 +191,7 @@ class Study(Tabular):
         if self.modes is not None:
             found["modes"] = self.modes.df
         found |= {"buses": self.flow.df.reset_index(), "branches": self.flow.branches.reset_index()}
+        found |= {"remedies": remedy_table(self.remedies)} if self.remedies else {}
         return found | ({"converters": self.ratios.df} if self.ratios else {})
 
     def save(self, path: str | Path) -> Path:
@@ -216,7 +223,7 @@ class Study(Tabular):
         return path
 
     def remarks(self) -> list[str]:
-        """The answer, in sentences: contingencies, damping, voltages."""
+        """The answer, in sentences: contingencies, damping, voltages, and what would help."""
         case, wanted = self.point.case.name, self.wanted
         said = []
         if self.screen is not None:
@@ -257,7 +264,7 @@ class Study(Tabular):
             said.append(f"Voltages outside {low:g} to {high:g} pu in normal operation: {outside}{more}.")
         if self.unusual.findings:
             said.append(f"{counted(len(self.unusual.findings), 'value')} of the data are unusual; see stabctl check.")
-        return said
+        return said + [str(remedy) for remedy in self.remedies]
 
     def __str__(self) -> str:
         return "\n".join(self.remarks())
@@ -269,6 +276,7 @@ class Settings(NamedTuple):
     faults: Any
     control: Control
     criteria: Criteria | None = None
+    remedies: tuple[str, ...] = ()  # that are looked for
 
 
 def critical(found: ClearingTime) -> float:

@@ -27,12 +27,18 @@ from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.simulate import simulate
 from stabctl.smallsignal.analysis import modes
 
+from .prices import Prices
+from .prices import prices as priced
+from .remedies import Asked, applicable, kinds, remedy
 from .result import BAND, NORMAL, Settings, Study, Wanted, critical
 
 EVERY = 20.0  # s   between two partial studies during the screen
 AT_FIRST = 2.0, 3.0, 5.0  # s   between the first ones
 SCREENED = 0.95  # share of the work that is done after the screen
 WORST = 10  # faults simulated
+ALONE = 0.2  # share of the work that is done before the remedies
+
+Tell = Callable[[float, str], None]  # the share that is done, and the part under way
 
 
 def study(
@@ -47,6 +53,8 @@ def study(
     control: Control = None,
     criterion: Criterion = DEFAULT,
     criteria: Criteria | str | Path | None = None,
+    remedies: str = "none",
+    prices: Prices | str | Path | None = None,
     workers: int | None = None,
     store: str | Path | None = None,
     scheduler: str | None = None,
@@ -74,6 +82,11 @@ def study(
         As in `simulate`; the modes are those without the control.
     criteria : Criteria, str or Path, optional
         Criteria by which the simulated contingencies are judged: "wecc-tpl-001", "nerc-prc-024", "entso-e", or a file.
+    remedies : str
+        What might help if the system is not secure, each verified by the same study: "stabilizers", "storage",
+        "redispatch", several of them, "all", or "none" (the default, as they take several times as long as the rest).
+    prices : Prices, str or Path, optional
+        Prices of which the costs of the remedies are made, or a TOML file with them.
     workers, store, scheduler
         As in `screen`: with a store, an interrupted study goes on.
     progress : callable, optional
@@ -108,14 +121,16 @@ def study(
             f"{voltages[0]:g} to {voltages[1]:g} pu and {worst} runs cannot be studied; the first must be above 0, the "
             "second from 0 to 1, and the third a range."
         )
-    tell = progress or (lambda _share, _part: None)
+    if prices is not None and not kinds(remedies):
+        raise StudyError("Prices are those of remedies; give remedies='all', too, or leave them out.")
+    tell, asked, costs = progress or (lambda _share, _part: None), kinds(remedies), priced(prices)
     search = {**search, "control": control, "criterion": criterion}
     known = {name: search[name] for name in ("control", "criterion", "step") if search.get(name) is not None}
     how = Settings(faults, control, None if criteria is None else named(criteria))
     found = Study(point, wanted, case.check(), powerflow.solve(case), how)
 
-    def parts() -> Iterator[Study]:
-        now = found
+    def parts(now: Study, tell: Tell, each: Callable[[Study], None] | None = None) -> Iterator[Study]:
+        point, case, law = now.point, now.point.case, {"control": now.how.control}
         yield now
         tell(0.0, "modes")
         yield (now := replace(now, modes=modes(point, BAND)))
@@ -131,18 +146,34 @@ def study(
             progress=lambda done, total: tell(SCREENED * done / total, "faults"),
             each=partly,
             ranking=partly.begin if partly else None,
-            **search,
+            **search | law,
         )
         yield (now := replace(now, screen=done))
         until = 1.0 + wanted.cycles / case.frequency_hz + done.search.observed_s
         every = (m.found.contingency.with_clear(wanted.cycles / case.frequency_hz, "1s") for m in now.margins[:worst])
-        yield replace(now, worst=tuple(simulate(point, one, until, **known) for one in every))
+        yield replace(now, worst=tuple(simulate(point, one, until, **known | law) for one in every))
 
-    whole = found
-    for part in parts():
-        whole = replace(part, wall_s=time.perf_counter() - began)
+    def again(point: OperatingPoint, control: Control) -> Study:
+        changed = Study(point, wanted, found.unusual, powerflow.solve(point.case), how._replace(control=control))
+        *_, last = parts(changed, lambda _share, _part: None)
+        return last
+
+    def done(now: Study) -> Study:
+        now = replace(now, wall_s=time.perf_counter() - began)
         if each:
-            each(whole)
+            each(now)
+        return now
+
+    share, whole = ALONE if asked else 1.0, found
+    for part in parts(found, lambda done, part: tell(share * done, part), each):
+        whole = done(part)
+    chosen = applicable(whole, asked)
+    whole = replace(whole, how=how._replace(remedies=chosen))
+    running = {"workers": workers, "store": store, "scheduler": scheduler}
+    for k, kind in enumerate(chosen):
+        tell(share + (1 - share) * k / len(chosen), kind)
+        one = remedy(kind, Asked(whole, costs, again, running))
+        whole = done(replace(whole, remedies=(*whole.remedies, one)))
     return whole
 
 

@@ -21,6 +21,14 @@ Damping = Annotated[
 ]
 Worst = Annotated[int, Option("--worst", min=0, help="Number of contingencies simulated, the worst first.")]
 Faults = Annotated[str | None, Option("--faults", help="lines, buses, or lines,buses (the default).")]
+Remedies = Annotated[
+    str,
+    Option(
+        "--remedies",
+        help="What might help, if the system is not secure: stabilizers,storage,redispatch, or all.",
+    ),
+]
+Prices = Annotated[Path | None, Option("--prices", help="FILE.toml with [prices], for the costs of --remedies.")]
 Out = Annotated[Path | None, Option("--out", help="Write all tables to FILE.xlsx, or the contingencies to FILE.csv.")]
 
 
@@ -32,6 +40,8 @@ def study(
     contingencies: Contingencies = None,
     worst: Worst = 10,
     by: options.Criteria = None,
+    remedies: Remedies = "none",
+    prices: Prices = None,
     search: groups.SearchOptions,
     control: options.Control = None,
     controller: options.Controllers = None,
@@ -69,6 +79,8 @@ def study(
             faults=chosen(loaded),
             worst=worst,
             criteria=by,
+            remedies=remedies,
+            prices=prices,
             control=steering,
             criterion=stability.criterion(loaded),
             workers=workers,

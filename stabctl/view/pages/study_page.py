@@ -1,4 +1,4 @@
-"""The page of a stability study: the answer, the contingencies by margin, the worst runs, modes, data."""
+"""The page of a stability study: the answer, contingencies by margin, worst runs, modes, data, what would help."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,6 +9,7 @@ from stabctl._util.wording import number
 from stabctl.assessment import Study
 from stabctl.assessment.result import BAND, Margin
 from stabctl.clearing.index import CLEARED
+from stabctl.controllers import BangBang
 
 from ..figures import clearing, grid_strength, one_line
 from ..figures import modes as eigenvalues
@@ -25,6 +26,7 @@ HEADS = "contingency", "opened to clear it", "critical (cycles)", "margin (cycle
 FIRST_RUNS = "contingency", "a first run"
 RUNS = "contingency", "outcome", "largest change of angle (deg)", "lowest voltage after clearing (pu)", "what happens"
 VIOLATIONS = "contingency", "rule", "where", "value", "at (s)", "limit"
+REMEDIES = "what", "change", "cost"
 MODES = "mode", "frequency (Hz)", "damping ratio (%)", "main participants"
 
 
@@ -33,6 +35,7 @@ def page(study: Study) -> Page:
     case = study.point.case
     verdict = (study.secure and "secure") or "not secure" if study.complete else "in progress"
     still = ["contingencies" if study.modes else "modes and contingencies"] if not study.complete else []
+    still += ["remedies"] if len(study.remedies) < len(study.how.remedies) else []
     open_parts = [f"This page is not complete: {one} are still computed; load it again later." for one in still]
     return Page(
         f"{case.name}_study",
@@ -43,6 +46,7 @@ def page(study: Study) -> Page:
             Section("Contingencies", list(_contingencies(study))),
             Section("The worst contingencies", list(_worst(study))),
             Section("Oscillations", list(_modes(study))),
+            Section("What would help", list(_remedies(study))),
             Section("Grid strength at converters", list(_ratios(study))),
             Section("Operating point", list(_operating_point(study))),
             Section("Unusual data", [Text(sentence) for sentence in study.unusual.sentences()]),
@@ -169,6 +173,19 @@ def _modes(study: Study) -> Iterator[Part]:
     yield table(MODES, rows, note, classes=classes)
 
 
+def _remedies(study: Study) -> Iterator[Part]:
+    if not study.remedies:
+        return
+    heads = *REMEDIES, *(name for name, _ in study.remedies[0].rows()), "secure"
+    rows = []
+    for r in study.remedies:
+        change = r.change.words if r.change else r.verdict
+        rows.append((r.kind, change, r.price, *(values for _, values in r.rows()), "yes" if r.solves else "no"))
+    note = "Without the change to with it, by the same study of the changed system. Each is looked at alone."
+    yield table(heads, rows, note)
+    yield from (Text(f"{r.kind.capitalize()}: {r.remark}") for r in study.remedies if r.change and r.remark)
+
+
 def _ratios(study: Study) -> Iterator[Part]:
     if study.ratios is None:
         return
@@ -209,14 +226,19 @@ def _scope(study: Study) -> list[str]:
 def _lines(study: Study) -> Iterator[Part]:
     """The lines of Python that compute the numbers again."""
     name, wanted = study.point.case.name, study.wanted
+    faults = repr(study.how.faults) if isinstance(study.how.faults, str) else "..."
     every = [
         f'base = st.load("{name}").initialize()',
         "base.power_flow(); base.case.check()",
         f"base.modes(({BAND[0]:g}, {BAND[1]:g}))",
-        f"base.screen(faults={study.how.faults!r})" if isinstance(study.how.faults, str) else "base.screen(faults=...)",
+        f"base.screen(faults={faults})",
     ]
     for m in study.margins[: len(study.worst)]:
         c = m.found.contingency
         trip = f", trip={', '.join(map(str, c.trip))!r}" if c.trip else ""
         every.append(f"base.simulate(st.Contingency({str(c.fault)!r}, clear='{wanted.cycles:g}cyc'{trip}))")
+    for change in (r.change for r in study.remedies if r.change):
+        law = ", control=st.BangBang()" if change.control == [BangBang()] else ", control=..." if change.control else ""
+        every.append(f"changed = base.case.{change.code}.initialize()  # {change.words}")
+        every.append(f"changed.modes(({BAND[0]:g}, {BAND[1]:g})); changed.screen(faults={faults}{law})")
     yield pattern.made("lines.html", lines=every)
