@@ -123,7 +123,7 @@ Contingencies = Annotated[
 def screened(faults: str | None, file: Path | None, usual: str) -> "Callable[[Case], Any]":
     """What --faults, --contingencies or neither mean for a case; raises `StudyError` at once if both are given."""
     from stabctl._util.errors import StudyError
-    from stabctl.placement.contingencies import read
+    from stabctl.io.contingencies import read
 
     if file is None:
         return lambda _: faults or usual

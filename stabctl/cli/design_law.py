@@ -129,7 +129,7 @@ def _faults(
     """The contingencies of --fault, of the file, or of a screen."""
     from stabctl._util.errors import StudyError
     from stabctl.design.law import spread
-    from stabctl.placement.contingencies import read
+    from stabctl.io.contingencies import read
     from stabctl.simulation.contingency import Contingency
 
     if (fault is not None) + (file is not None) + (count is not None) != 1:
