@@ -12,7 +12,7 @@ from typing import NamedTuple
 from stabctl._util.errors import StudyError, shown
 from stabctl.clearing import Screen
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.io.contingencies import read
+from stabctl.io.contingencies import read_contingencies
 from stabctl.io.contingencies.toml import checked, clearing_s
 from stabctl.model.case import Case, as_case
 from stabctl.simulation.contingency import Contingency
@@ -41,7 +41,7 @@ def contingencies(case: Case, given: Contingencies) -> tuple[Contingency, ...]:
     if isinstance(given, Screen):
         return checked(case, from_screen(given, case.frequency_hz))
     if isinstance(given, str | Path):
-        return checked(case, read(given, case))
+        return checked(case, read_contingencies(given, case))
     if isinstance(given, Contingency):
         return checked(case, (given,))
     if not isinstance(given, Iterable):

@@ -17,7 +17,7 @@ PAGES = {
     ),
     "clearing": (
         "Clearing times and studies",
-        "clearing_time ClearingTime screen Screen study Study criteria Criteria Judged",
+        "clearing_time ClearingTime screen Screen read_contingencies study Study criteria Criteria Judged",
     ),
     "linear": (
         "Linear models and modes",

@@ -8,6 +8,7 @@ import numpy as np
 from stabctl._util.wording import number
 from stabctl.assessment import Study
 from stabctl.assessment.result import BAND, Margin
+from stabctl.simulation.contingency import Contingency
 
 from ..figures import clearing, grid_strength, one_line
 from ..figures import modes as eigenvalues
@@ -100,7 +101,10 @@ def _contingencies(study: Study) -> Iterator[Part]:
             "Each half of a line has the color of a fault at its end, cleared by opening the line; a bus, that of a "
             "fault cleared without opening a line.",
         )
-    note = f"Margin: critical clearing time minus the {study.wanted.cycles:g} cycles guaranteed. In red: not survived."
+    note = (
+        f"Margin: critical clearing time minus the {study.wanted.cycles:g} cycles guaranteed, or the contingency's own "
+        "clearing time. In red: not survived."
+    )
     rows = [_row(m) for m in study.margins]
     yield table(HEADS, rows, note, classes=["" if m.secure else "unstable" for m in study.margins])
 
@@ -121,7 +125,7 @@ def _worst(study: Study) -> Iterator[Part]:
         rows.append(
             (m.found.contingency.label, outcome, f"{run.max_angle_from_coi_deg:.1f}", lowest, run.outcome.message)
         )
-    yield table(RUNS, rows, f"Simulated with a clearing time of {study.wanted.cycles:g} cycles.")
+    yield table(RUNS, rows, f"Simulated with a clearing time of {study.wanted.cycles:g} cycles, or their own.")
     found = [
         (m.found.contingency.label, v.rule, v.where, f"{v.value:.4g} {v.unit}", f"{v.at_s:.3f}", v.limit)
         for m, one in zip(study.margins, study.judged, strict=False)
@@ -198,7 +202,7 @@ def _scope(study: Study) -> list[str]:
 
 def _lines(study: Study) -> Iterator[Part]:
     """The lines of Python that compute the numbers again."""
-    name, wanted = study.point.case.name, study.wanted
+    name = study.point.case.name
     every = [
         f'base = st.load("{name}").initialize()',
         "base.power_flow(); base.case.check()",
@@ -206,7 +210,16 @@ def _lines(study: Study) -> Iterator[Part]:
         f"base.screen(faults={study.how.faults!r})" if isinstance(study.how.faults, str) else "base.screen(faults=...)",
     ]
     for m in study.margins[: len(study.worst)]:
-        c = m.found.contingency
-        trip = f", trip={', '.join(map(str, c.trip))!r}" if c.trip else ""
-        every.append(f"base.simulate(st.Contingency({str(c.fault)!r}, clear='{wanted.cycles:g}cyc'{trip}))")
+        every.append(f"base.simulate({_written(m.found.contingency, m.required)})")
     yield pattern.made("lines.html", lines=every)
+
+
+def _written(c: Contingency, cycles: float) -> str:
+    """A contingency as it is written in Python."""
+    said = [repr(str(c.fault)), f"clear='{cycles:g}cyc'"]
+    said += [f"trip={', '.join(map(str, c.trip))!r}"] * bool(c.trip) + [f"at={c.at!r}"] * (c.at != "1s")
+    said += [f"impedance={c.impedance!r}"] * bool(c.impedance)
+    for name, events in (("events", c.events), ("after", c.after)):
+        told = ", ".join(repr(e) if isinstance(e, str) else f"st.{e!r}" for e in events)
+        said += [f"{name}=[{told}]"] * bool(events)
+    return f"st.Contingency({', '.join(said)})"
