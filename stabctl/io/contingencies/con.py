@@ -66,7 +66,7 @@ def read_con(path: str | Path, case: Case, subsystems: Subsystems | None = None)
             named[name] = statement.line
             found += _Block(outages, name, statement).read(statements)
         elif statement.ends:
-            if after := next(statements, None):
+            if after := next((one for one in statements if not one.ends), None):
                 raise after.error("nothing may follow the END of the file.")
         elif statement.begins("SKIP") and len(statement.words) == 1:
             automatic.skip(statement, statements)
@@ -198,8 +198,8 @@ class _Block:
             )
         share = value / 100 if unit.means("PERCENT") else value / size
         share = {"set": share - 1, "decrease": -share}.get(kind, share)
-        if not share:
-            raise statement.error("it changes nothing.")
+        if not share or share < -1:
+            raise statement.error("it changes nothing." if not share else f"only {abs(size):g} can be taken away.")
         if of_load:
             return self._step(statement, at, share * size, share * sum(load.q for load in here))
         self.after["shunt", at] = SwitchShunt(at, 0.0, 0.0, share * row.b)

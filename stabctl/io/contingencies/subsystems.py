@@ -113,7 +113,7 @@ class Subsystems:
         if not group.buses:
             raise group.opened.error(f"no bus of {self.case.name} is selected; write {NEEDED}.")
         if self.groups:
-            self.groups[-1].found[f"group {group.opened.line}"] = group.buses
+            self.groups[-1].found[f"group {len(self.groups[-1].found)}"] = group.buses
         else:
             self.named[self.name.upper()] = Subsystem(self.name, frozenset(group.buses))
 
