@@ -27,12 +27,12 @@ import numpy as np
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import cycles
 from stabctl._util.wording import near
-from stabctl.io.contingencies.outage import NONE, Element, Outages
 from stabctl.model.case import Case
 from stabctl.model.naming import Circuit, circuits
 from stabctl.model.short_circuit import impedances
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.events import Open, SwitchShunt
+from stabctl.simulation.outage import NONE, Element, Outages
 
 from .screen_result import lines
 

@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import combinations
 
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.outage import Element, Outages
 
-from .outage import Element, Outages
 from .statements import Form, Statement, Word, bus, circuits, understood
 from .subsystems import Subsystems
 

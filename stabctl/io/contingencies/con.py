@@ -13,9 +13,9 @@ from stabctl._util.wording import listed
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.events import Event, LoadStep, SwitchShunt
+from stabctl.simulation.outage import Outages
 
 from .automatic import AUTOMATIC, Automatic
-from .outage import Outages
 from .statements import Form, Statement, Word, bus, circuits, machine, number, read, understood
 from .subsystems import Subsystems
 

@@ -17,6 +17,7 @@ from stabctl._util.wording import near
 from stabctl.io import _lexer
 from stabctl.model import naming
 from stabctl.model.case import Case
+from stabctl.simulation.outage import is_star
 
 _WORD = re.compile(r"""'((?:[^']|'(?![\s,]|$))*)'(?=[\s,]|$)|"([^"]*)"(?=[\s,]|$)|([^\s,'"][^\s,]*)""")
 _GROUP = re.compile(r"\[([^\[\]]*)\]")
@@ -205,11 +206,6 @@ def _windings(statement: Statement, case: Case, ends: Sequence[int], wanted: str
     if rows is None:
         raise statement.error(f"{case.name} has no transformer {'-'.join(map(str, ends))} with circuit {wanted}.")
     return rows
-
-
-def is_star(name: str) -> bool:
-    """Whether a bus is the star point of a transformer with three windings."""
-    return re.fullmatch(r"star \d+-\d+-\d+", name) is not None
 
 
 def machine(statement: Statement, case: Case, at: int, id: Word) -> int:

@@ -5,7 +5,6 @@ and a bus must be in all kinds that the group has: AREA 1 and KVRANGE 100 500 in
 100 to 500 kV.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,15 +15,8 @@ from stabctl.model.tables import Bus
 
 from .statements import Statement, Word, bus, number, read
 
-SELECTORS: Mapping[str, tuple[str, int]] = {
-    "AREAS": ("area", 2),
-    "ZONES": ("zone", 2),
-    "OWNERS": ("owner", 2),
-    "BUSES": ("bus", 2),
-    "KVRANGE": ("rated", 2),
-    "KV": ("rated", 1),
-}  # keyword -> column of the buses, most values
-SINGULAR = "AREA", "ZONE", "OWNER", "BUS"  # with one value
+SELECTORS = {"AREAS": "area", "ZONES": "zone", "OWNERS": "owner", "BUSES": "bus", "KVRANGE": "rated", "KV": "rated"}
+RANGES = "AREAS", "ZONES", "OWNERS", "BUSES", "KVRANGE"  # with two values; others have one
 NEEDED = "AREA 1, ZONE 1, OWNER 1, BUS 7, KVRANGE 100 500, a range such as AREAS 1 5, JOIN or END"
 
 
@@ -122,13 +114,11 @@ class Subsystems:
         keyword = next((k for k in SELECTORS if first.means(k)), None)
         if keyword is None:
             raise statement.error(f"{first} is not allowed here; it must be {NEEDED}; {near(first.text, SELECTORS)}")
-        column, most = SELECTORS[keyword]
-        most = 1 if first.text.upper() in SINGULAR else most
+        column, plural = SELECTORS[keyword], first.text.upper() in RANGES
         values: list[Word] = []
-        while words and len(values) < most and _is_value(words[0], column):
+        while words and len(values) < 1 + plural and _is_value(words[0], column):
             values.append(words.pop(0))
-        least = 2 if keyword == "KVRANGE" else 1
-        if len(values) < least:
+        if len(values) < 1 + plural:
             raise statement.error(f"a value of {first} is missing; write {NEEDED}.")
         name = "buses" if column == "bus" else column
         chosen = self._chosen(statement, column, values)

@@ -1,5 +1,6 @@
 """A contingency from the elements that are lost: where its fault is, and what is opened and tripped with it."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
@@ -9,10 +10,9 @@ import numpy as np
 from stabctl.model import naming, network
 from stabctl.model.case import Case
 from stabctl.model.network import BranchState, Switching
-from stabctl.simulation.contingency import Contingency
-from stabctl.simulation.events import Event, TripMachine
 
-from .statements import is_star
+from .contingency import Contingency
+from .events import Event, TripMachine
 
 NONE: Mapping[int, complex] = {}
 OPEN = BranchState(from_closed=False, to_closed=False)
@@ -145,3 +145,8 @@ class Outages:
 
     def _name(self, number: int) -> str:
         return self.case.buses[self.case.row_of_bus[number]].name
+
+
+def is_star(name: str) -> bool:
+    """Whether a bus is the star point of a transformer with three windings."""
+    return re.fullmatch(r"star \d+-\d+-\d+", name) is not None
