@@ -116,7 +116,7 @@ Faults = Annotated[
     Option(
         "--faults",
         help="lines (both ends of each, cleared by opening it: the default), buses, categories of NERC TPL-001 such as "
-        "P1 or P4@15cyc, or several: lines,P7.",
+        "P1, or several: lines,P7.",
     ),
 ]
 Contingencies = Annotated[

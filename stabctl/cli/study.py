@@ -20,7 +20,10 @@ Damping = Annotated[
     Option("--damping", metavar="RATIO", parser=options.in_unit("-"), help="Damping ratio wanted: 0.05 or 5%."),
 ]
 Worst = Annotated[int, Option("--worst", min=0, help="Number of contingencies simulated, the worst first.")]
-Faults = Annotated[str | None, Option("--faults", help="lines, buses, lines,buses (the default), or P1,P4@15cyc.")]
+Faults = Annotated[
+    str | None,
+    Option("--faults", help="lines, buses, lines,buses (the default), or categories of NERC TPL-001 such as P1,P7."),
+]
 Monitored = Annotated[
     Path | None,
     Option("--monitored", metavar="FILE.mon", help="Voltage ranges of buses, of PSS/E, in normal operation."),
