@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import stabctl as st
 from reproduction.study import Study, Table, draw, present
-from stabctl.placement.contingencies import packaged, read
+from stabctl.io.contingencies.toml import read
+from stabctl.placement.contingencies import packaged
 from stabctl.placement.siting import Siting
 
 KALMAN = {"kalman": st.EstimatorControl()}

@@ -9,8 +9,9 @@ import numpy as np
 
 import stabctl as st
 from reproduction.study import Study, Table, present
+from stabctl.io.contingencies.toml import read
 from stabctl.model import fleet
-from stabctl.placement.contingencies import packaged, read
+from stabctl.placement.contingencies import packaged
 from stabctl.placement.trials import Trials
 
 FULL = True

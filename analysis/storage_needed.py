@@ -10,7 +10,8 @@ from reproduction.study import Kept, Study, Table, Tell, present
 from stabctl.controllers import Law
 from stabctl.design import LawLimits
 from stabctl.design.law_measurement import duty
-from stabctl.placement.contingencies import packaged, read
+from stabctl.io.contingencies.toml import read
+from stabctl.placement.contingencies import packaged
 from stabctl.placement.siting import Siting
 
 FULL = True

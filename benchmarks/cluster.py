@@ -25,12 +25,13 @@ from stabctl import io
 from stabctl.clearing import Search, screen
 from stabctl.clearing.screen import PLACE, Shared, tasks
 from stabctl.dynamics import operating_point
+from stabctl.io.contingencies.toml import read
 from stabctl.jobs import Kind, store
 from stabctl.jobs.cluster import Cluster
 from stabctl.jobs.task import Base
 from stabctl.model.naming import Circuit
 from stabctl.placement._simulated import FLEET
-from stabctl.placement.contingencies import packaged, read
+from stabctl.placement.contingencies import packaged
 from stabctl.placement.place import place
 
 MILLION = 1_000_000

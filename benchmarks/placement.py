@@ -18,7 +18,8 @@ from rich.table import Table
 from stabctl import io
 from stabctl.clearing import clearing_time, screen
 from stabctl.dynamics import operating_point
-from stabctl.placement.contingencies import packaged, read
+from stabctl.io.contingencies.toml import read
+from stabctl.placement.contingencies import packaged
 from stabctl.placement.place import place
 
 

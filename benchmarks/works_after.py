@@ -12,9 +12,10 @@ from stabctl.dynamics import operating_point
 from stabctl.estimation.estimators import estimator
 from stabctl.estimation.pmu import Instrument, Pmu
 from stabctl.estimation.rotor_units import Terminals, rotor_units
+from stabctl.io.contingencies.toml import read
 from stabctl.model import powerflow
 from stabctl.model.replicate import replicate
-from stabctl.placement.contingencies import packaged, read
+from stabctl.placement.contingencies import packaged
 from stabctl.placement.place import place
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.setup import setup

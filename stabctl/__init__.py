@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from stabctl.estimation.pmu import BadPmu, Pmu
     from stabctl.io import load, write
     from stabctl.io import packaged as cases
+    from stabctl.io.contingencies import read_contingencies
     from stabctl.io.control_files import load as load_controller
     from stabctl.io.import_report import ImportReport, import_report
     from stabctl.io.matpower import read_matpower
@@ -125,6 +126,7 @@ _WHERE = {
     "modes": "smallsignal.analysis:modes",
     "place": "placement.place:place",
     "power_flow": "model.powerflow:solve",
+    "read_contingencies": "io.contingencies:read_contingencies",
     "read_matpower": "io.matpower:read_matpower",
     "read_pst": "io.pst:read_pst",
     "read_psse": "io.psse:read_psse",

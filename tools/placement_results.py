@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import stabctl as st
 from stabctl._util import files
 from stabctl.clearing.trial import QUIET
-from stabctl.placement.contingencies import packaged, read
+from stabctl.io.contingencies.toml import read
+from stabctl.placement.contingencies import packaged
 from stabctl.placement.evidence import MARGINS
 from stabctl.placement.siting import Siting
 

@@ -10,10 +10,12 @@ import numpy as np
 from stabctl._util import files
 from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular, inert
+from stabctl._util.units import cycles
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.clearing import ClearingTime, Screen, Severity
 from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.io.contingencies import Monitored
 from stabctl.judgment import Criteria, Judged, judge
 from stabctl.model.powerflow import PowerFlow
 from stabctl.model.short_circuit import ShortCircuitRatio
@@ -39,13 +41,15 @@ class Wanted(NamedTuple):
     cycles: float  # clearing time that protection guarantees
     damping: float  # damping ratio of every oscillation in `BAND`
     voltages: tuple[float, float] = NORMAL  # pu   in normal operation
+    monitored: Monitored | None = None  # ranges of some buses in place of it
 
 
 class Margin(NamedTuple):
     """A contingency with its critical clearing time."""
 
     found: ClearingTime
-    cycles: float  # beyond the guaranteed clearing time; negative: not survived
+    cycles: float  # beyond the required clearing time; negative: not survived
+    required: float  # cycles   clearing time of the contingency itself, or else that which protection guarantees
 
     @property
     def secure(self) -> bool:
@@ -76,7 +80,7 @@ class Study(Tabular):
     ranking : tuple of Severity
         During the screen: the contingencies in the order of a short run of each, the worst first.
     worst : tuple of Trajectory
-        Runs of the contingencies with the smallest margins, cleared after the guaranteed time.
+        Runs of the contingencies with the smallest margins, cleared after the required time.
     how : Settings
         How it was computed.
     remedies : tuple of Remedy
@@ -109,11 +113,21 @@ class Study(Tabular):
     @cached_property
     def margins(self) -> tuple[Margin, ...]:
         """The contingencies, the smallest margin first."""
-        return tuple(Margin(p, critical(p) - self.wanted.cycles) for p in self.screen.pairs) if self.screen else ()
+        found = (
+            [Margin(p, critical(p) - (need := self._required(p)), need) for p in self.screen.pairs]
+            if self.screen
+            else []
+        )
+        return tuple(sorted(found, key=lambda m: m.cycles))
+
+    def _required(self, found: ClearingTime) -> float:
+        """Clearing time, cycles, of a contingency itself, or else that which protection guarantees."""
+        own = found.contingency.clear
+        return self.wanted.cycles if own is None else cycles(own, self.point.case.frequency_hz)
 
     @property
     def insecure(self) -> tuple[Margin, ...]:
-        """The contingencies that are not survived with the guaranteed clearing time."""
+        """The contingencies that are not survived with the required clearing time."""
         return tuple(m for m in self.margins if not m.secure)
 
     @property
@@ -128,7 +142,8 @@ class Study(Tabular):
     @property
     def low_or_high(self) -> tuple[tuple[int, float], ...]:
         """Buses whose voltage (pu) is outside the normal range, the farthest first."""
-        low, high = self.wanted.voltages
+        own = self.wanted.monitored.voltages if self.wanted.monitored else {}
+        low, high = np.array([own.get(b.bus, self.wanted.voltages) for b in self.flow.case.buses]).T
         size = np.abs(self.flow.V)
         beyond = np.maximum(low - size, size - high)
         rows = np.argsort(-beyond, kind="stable")[: int((beyond > 1e-9).sum())]
@@ -160,7 +175,7 @@ class Study(Tabular):
         import pandas as pd
 
         rows = [
-            (m.found.contingency.name or "", m.found.fault, ", ".join(m.found.trip), self.wanted.cycles)
+            (m.found.contingency.name or "", m.found.fault, ", ".join(m.found.trip), m.required)
             + (critical(m.found), m.cycles, m.found.limit)
             for m in self.margins
         ]
@@ -229,17 +244,18 @@ class Study(Tabular):
         if self.screen is not None:
             number, lost = counted(len(self.screen.pairs), "contingency"), self.insecure
             number += "" if self.complete else f" screened so far ({self.screen.screened} in all)"
+            own = ", or their own" * any(m.required != wanted.cycles for m in self.margins)
             if lost:
                 first, be = lost[0].found, "is" if len(lost) == 1 else "are"
                 said.append(
                     f"{case}: {len(lost)} of {number} {be} not survived with a clearing time of {wanted.cycles:g} "
-                    f"cycles. The worst is {first.contingency.label}, critical after {critical(first):g} cycles, "
+                    f"cycles{own}. The worst is {first.contingency.label}, critical after {critical(first):g} cycles, "
                     f"limited by {first.limit}."
                 )
             else:
                 margin = min((m.cycles for m in self.margins), default=None)
                 least = f"; the smallest margin is {margin:g} cycles" if margin is not None else ""
-                said.append(f"{case}: all of {number} are survived with {wanted.cycles:g} cycles{least}.")
+                said.append(f"{case}: all of {number} are survived with {wanted.cycles:g} cycles{own}{least}.")
         if self.modes is not None:
             worst = self.modes.least_damped()
             if few := self.poorly_damped:
@@ -261,7 +277,10 @@ class Study(Tabular):
         outside = ", ".join(f"bus {bus} {size:.4f} pu" for bus, size in self.low_or_high[:5])
         more = f" and {len(self.low_or_high) - 5} more" if len(self.low_or_high) > 5 else ""
         if outside:
-            said.append(f"Voltages outside {low:g} to {high:g} pu in normal operation: {outside}{more}.")
+            limits = ", or the monitored ranges," if wanted.monitored else ""
+            said.append(f"Voltages outside {low:g} to {high:g} pu{limits} in normal operation: {outside}{more}.")
+        if wanted.monitored:
+            said += wanted.monitored.remarks()
         if self.unusual.findings:
             said.append(f"{counted(len(self.unusual.findings), 'value')} of the data are unusual; see stabctl check.")
         return said + [str(remedy) for remedy in self.remedies]

@@ -15,6 +15,7 @@ from stabctl._util.units import cycles, quantity
 from stabctl.clearing import ClearingTime, Screen, Severity, screen
 from stabctl.clearing.screen_result import Lines
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
+from stabctl.io.contingencies import monitored as monitored_by
 from stabctl.judgment import Criteria
 from stabctl.judgment import criteria as named
 from stabctl.model import powerflow
@@ -47,6 +48,8 @@ def study(
     *,
     damping: str | float = 0.05,
     voltages: tuple[float, float] = NORMAL,
+    monitored: str | Path | None = None,
+    subsystems: str | Path | None = None,
     faults: str | Iterable[Contingency | str] = "lines, buses",
     worst: int = WORST,
     storage: "Fleet | None" = None,
@@ -74,8 +77,13 @@ def study(
         Damping ratio that every oscillation of 0.1 to 3 Hz must have: 0.05 or "5%". Default 0.05.
     voltages : tuple of float, pu
         Range of the voltages in normal operation.
+    monitored : str or Path, optional
+        MON file of PSS/E, whose voltage ranges replace it at the buses that it names.
+    subsystems : str or Path, optional
+        SUB file of PSS/E with the subsystems that the MON file names.
     faults
-        As in `screen`: "lines", "buses", both (the default), or contingencies.
+        As in `screen`: "lines", "buses", both (the default), categories such as "P1, P4@15cyc", or contingencies. A
+        contingency with a clearing time of its own is compared with that.
     worst : int
         Number of contingencies that are simulated with this clearing time, those with the smallest margins. Default 10.
     storage, control, criterion
@@ -114,7 +122,8 @@ def study(
     """
     began, point = time.perf_counter(), operating_point(base, storage)
     case = point.case
-    wanted = Wanted(cycles(clear, case.frequency_hz), quantity(damping, "-"), voltages)
+    ranges = None if monitored is None else monitored_by(monitored, case, subsystems)
+    wanted = Wanted(cycles(clear, case.frequency_hz), quantity(damping, "-"), voltages, ranges)
     if not (wanted.cycles > 0 and 0 <= wanted.damping < 1 and voltages[0] < voltages[1] and worst >= 0):
         raise StudyError(
             f"A clearing time of {wanted.cycles:g} cycles, a damping ratio of {wanted.damping:g}, voltages of "
@@ -149,9 +158,9 @@ def study(
             **search | law,
         )
         yield (now := replace(now, screen=done))
-        until = 1.0 + wanted.cycles / case.frequency_hz + done.search.observed_s
-        every = (m.found.contingency.with_clear(wanted.cycles / case.frequency_hz, "1s") for m in now.margins[:worst])
-        yield replace(now, worst=tuple(simulate(point, one, until, **known | law) for one in every))
+        every = (m.found.contingency.with_clear(m.required / case.frequency_hz) for m in now.margins[:worst])
+        timed = ((one, max(e.at for e in one.timed(case)) + done.search.observed_s) for one in every)
+        yield replace(now, worst=tuple(simulate(point, one, until, **known | law) for one, until in timed))
 
     def again(point: OperatingPoint, control: Control) -> Study:
         changed = Study(point, wanted, found.unusual, powerflow.solve(point.case), how._replace(control=control))

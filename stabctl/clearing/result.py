@@ -90,8 +90,8 @@ class ClearingTime:
 
     @property
     def trip(self) -> tuple[str, ...]:
-        """Circuits opened to clear it, in addition to the faulted one, as text."""
-        return tuple(map(str, self.contingency.trip))
+        """Circuits opened to clear it, in addition to the faulted one, machines tripped, and what follows, as text."""
+        return self.contingency.tripped
 
     @property
     def lowest_unstable(self) -> float | None:

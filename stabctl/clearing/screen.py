@@ -31,6 +31,7 @@ from .critical_time import LONGEST, critical, first_try
 from .index import Severity, ranked
 from .result import ClearingTime
 from .screen_result import Lines, Screen, lines
+from .templates import CATEGORIES, contingencies
 from .trial import Margin, Run, Search, Trial
 
 if TYPE_CHECKING:
@@ -80,7 +81,9 @@ def screen(
         Clearing time from which on a pair is not listed: "8cyc", or seconds. Saves most of the work.
     faults : str or iterable of Contingency or str
         "lines": faults at both ends of every line. "buses": a fault at every bus, cleared without opening a circuit.
-        "lines, buses": both. Or the contingencies; their own clearing times are ignored. Default "lines".
+        Categories of NERC TPL-001-5, Table 1: "P1", "P2", "P4", "P5", "P6", "P7", with a clearing time that a study
+        compares with: "P4@15cyc". Several: "lines, P7". Or the contingencies; the search ignores their own clearing
+        times. Default "lines".
     storage, control, resolution, limit, observe, longest, scan, step, criterion, criteria
         As in `clearing_time`.
     buses : int, str, or iterable of int, optional
@@ -169,8 +172,10 @@ def _places(
 ) -> tuple[Lines, dict[str, list[Contingency]]]:
     """The lines screened, if they are, and place and impedance of a fault -> the contingencies with it."""
     kinds = naming.listed(faults) if isinstance(faults, str) else []
-    if isinstance(faults, str) and not (kinds and {*kinds} <= {*FAULTS}):
-        raise StudyError(f"faults = {shown(faults)} is not allowed; give 'lines', 'buses', both, or contingencies.")
+    categories = [word for word in kinds if word[:1] in "Pp" and word[1:2].isdigit()]
+    if isinstance(faults, str) and not (kinds and {*kinds} - {*categories} <= {*FAULTS}):
+        known = f"'lines', 'buses', {', '.join(CATEGORIES)}, several of them"
+        raise StudyError(f"faults = {shown(faults)} is not allowed; give {known}, or contingencies.")
     if not kinds and buses is not None:
         raise StudyError("buses = ... chooses among the faults at lines and buses; leave it out with contingencies.")
     wanted, found = _wanted(case, buses), lines(case) if "lines" in kinds else Lines((), (), ())
@@ -180,21 +185,29 @@ def _places(
     if "buses" in kinds:
         every = (str(b.bus) for b in case.buses)
         chosen += [Contingency(bus) for bus in every if wanted is None or bus in wanted]
+    for word in categories:
+        of = (one.placed(case) for one in contingencies(case, word))
+        chosen += [one for one in of if wanted is None or one.fault in wanted]
+    if categories and not chosen:
+        raise StudyError(f"{case.name} has no contingencies {', '.join(categories)}{_at(wanted)}.")
     if not chosen:
-        where = "" if wanted is None else f" at bus {', '.join(sorted(wanted))}"
-        raise StudyError(f"{case.name} has no line{where} that can be opened without splitting the network.")
+        raise StudyError(f"{case.name} has no line{_at(wanted)} that can be opened without splitting the network.")
     places: dict[str, dict[Contingency, None]] = {}
     for one in chosen:
         places.setdefault(f"{one.fault} through {one.impedance}", {})[one] = None
     return found, {place: [*several] for place, several in places.items()}
 
 
+def _at(wanted: set[str] | None) -> str:
+    return "" if wanted is None else f" at bus {', '.join(sorted(wanted))}"
+
+
 def _own(case: Case, one: Contingency | str) -> Contingency:
-    """A contingency that is given, checked, without its clearing time."""
+    """A contingency that is given, checked."""
     given = Contingency(one) if isinstance(one, str) else one
     if not isinstance(given, Contingency) or given.fault is None:
         raise StudyError(f"{shown(one)} has no fault whose clearing time could be found; give Contingency('7-8@0.4').")
-    placed = replace(given, clear=None).placed(case)
+    placed = given.placed(case)
     placed.with_clear(0.1).check(case)
     return placed
 

@@ -200,7 +200,8 @@ class Screen:
         if lost:
             opened = dict.fromkeys(name for p in lost for name in p.trip)
             either = "Unstable, or against the criteria," if search.criteria else "Unstable"
-            said.append(f"{either} after opening the line, even without a fault: {', '.join(opened)}.")
+            what = "the loss" if any(p.contingency.after for p in lost) else "opening the line"
+            said.append(f"{either} after {what}, even without a fault: {', '.join(opened)}.")
         if self.lines.bridges:
             said.append(f"Left out because opening them splits the network: {', '.join(map(str, self.lines.bridges))}.")
         if self.lines.twins:

@@ -117,23 +117,30 @@ Below = Annotated[
 Out = Annotated[Path | None, Option("--out", help="Write the pairs to FILE.csv.")]
 Faults = Annotated[
     str | None,
-    Option("--faults", help="lines (both ends of each, cleared by opening it: the default), buses, or lines,buses."),
+    Option(
+        "--faults",
+        help="lines (both ends of each, cleared by opening it: the default), buses, categories of NERC TPL-001 such as "
+        "P1, or several: lines,P7.",
+    ),
 ]
 Contingencies = Annotated[
-    Path | None, Option("--contingencies", metavar="FILE", help="Contingencies of a TOML file, instead.")
+    Path | None, Option("--contingencies", metavar="FILE", help="Contingencies of a .toml or PSS/E .con file, instead.")
+]
+Subsystems = Annotated[
+    Path | None, Option("--subsystems", metavar="FILE.sub", help="Subsystems of PSS/E that the other file names.")
 ]
 
 
-def screened(faults: str | None, file: Path | None, usual: str) -> "Callable[[Case], Any]":
+def screened(faults: str | None, file: Path | None, subsystems: Path | None, usual: str) -> "Callable[[Case], Any]":
     """What --faults, --contingencies or neither mean for a case; raises `StudyError` at once if both are given."""
     from stabctl._util.errors import StudyError
-    from stabctl.placement.contingencies import read
+    from stabctl.io.contingencies import read_contingencies
 
     if file is None:
         return lambda _: faults or usual
     if faults is not None:
         raise StudyError("--faults and --contingencies cannot be used together; give one of them.")
-    return lambda case: read(file, case)
+    return lambda case: read_contingencies(file, case, subsystems)
 
 
 def screen(
@@ -141,6 +148,7 @@ def screen(
     below: Below = None,
     faults: Faults = None,
     contingencies: Contingencies = None,
+    subsystems: Subsystems = None,
     search: groups.SearchOptions,
     control: options.Control = None,
     controller: options.Controllers = None,
@@ -159,9 +167,12 @@ def screen(
     as_json: options.Json = False,
 ) -> None:
     """Find the critical clearing times of faults at both ends of every line, cleared by opening it; shortest first."""
+    from stabctl._util.errors import StudyError
     from stabctl.clearing import screen
 
-    chosen = screened(faults, contingencies, "lines")
+    if subsystems is not None and contingencies is None:
+        raise StudyError("--subsystems applies only to --contingencies FILE.con; leave it out.")
+    chosen = screened(faults, contingencies, subsystems, "lines")
     shared.file(out, ".csv")
     shared.folder(report)
     criteria = shared.criteria(by)

@@ -129,7 +129,7 @@ def _faults(
     """The contingencies of --fault, of the file, or of a screen."""
     from stabctl._util.errors import StudyError
     from stabctl.design.law import spread
-    from stabctl.placement.contingencies import read
+    from stabctl.io.contingencies import read_contingencies
     from stabctl.simulation.contingency import Contingency
 
     if (fault is not None) + (file is not None) + (count is not None) != 1:
@@ -141,7 +141,7 @@ def _faults(
     if trip:
         raise StudyError("--trip applies only to --fault; leave it out with --contingencies or --from-screen.")
     if file is not None:
-        return tuple(c for c in read(file, point.case) if c.fault is not None)
+        return tuple(c for c in read_contingencies(file, point.case) if c.fault is not None)
     from stabctl.clearing import screen
 
     with shared.progress("screening", 1.0) as tell:

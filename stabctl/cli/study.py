@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from . import groups, options, shared
-from .clearing import Contingencies, screened
+from .clearing import Contingencies, Subsystems, screened
 from .parameters import Option
 
 if TYPE_CHECKING:
@@ -20,7 +20,14 @@ Damping = Annotated[
     Option("--damping", metavar="RATIO", parser=options.in_unit("-"), help="Damping ratio wanted: 0.05 or 5%."),
 ]
 Worst = Annotated[int, Option("--worst", min=0, help="Number of contingencies simulated, the worst first.")]
-Faults = Annotated[str | None, Option("--faults", help="lines, buses, or lines,buses (the default).")]
+Faults = Annotated[
+    str | None,
+    Option("--faults", help="lines, buses, lines,buses (the default), or categories of NERC TPL-001 such as P1,P7."),
+]
+Monitored = Annotated[
+    Path | None,
+    Option("--monitored", metavar="FILE.mon", help="Voltage ranges of buses, of PSS/E, in normal operation."),
+]
 Remedies = Annotated[
     str,
     Option(
@@ -38,6 +45,8 @@ def study(
     damping: Damping = 0.05,
     faults: Faults = None,
     contingencies: Contingencies = None,
+    subsystems: Subsystems = None,
+    monitored: Monitored = None,
     worst: Worst = 10,
     by: options.Criteria = None,
     remedies: Remedies = "none",
@@ -57,9 +66,13 @@ def study(
     as_json: options.Json = False,
 ) -> int:
     """Study the stability of a system. The exit code is 1 if it is not secure."""
+    from stabctl._util.errors import StudyError
     from stabctl.assessment import study
 
-    chosen = screened(faults, contingencies, "lines, buses")
+    if subsystems is not None and contingencies is None and monitored is None:
+        raise StudyError("--subsystems applies only to --contingencies FILE.con and --monitored; leave it out.")
+    of_con = subsystems if contingencies is not None and contingencies.suffix.lower() == ".con" else None
+    chosen = screened(faults, contingencies, of_con, "lines, buses")
     shared.file(out, ".xlsx", ".csv")
     shared.folder(report)
     loaded = case.load()
@@ -77,6 +90,8 @@ def study(
             clear,
             damping=damping,
             faults=chosen(loaded),
+            monitored=monitored,
+            subsystems=subsystems if monitored is not None else None,
             worst=worst,
             criteria=by,
             remedies=remedies,

@@ -12,7 +12,7 @@ from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.location import Circuit, Place, circuit, placed, written
 
-from .events import SHOWN, Clear, Event, Fault, Open, described, event
+from .events import SHOWN, Clear, Event, Fault, Open, TripMachine, described, event
 from .timeline import timeline
 
 SHORTEST = 1e-6  # s   of a run after its last event
@@ -38,6 +38,9 @@ class Contingency:
         Fault impedance on the system base; 0 is a bolted fault.
     events : event, str, or iterable of them
         Other events, as records (`LoadStep(7, 1.0, p=50)`) or text (`"7-8@1s"`, `"14@2s"`, `"7:+50MW@1s"`).
+    after : event, str, or iterable of them
+        Events whose instants count from the clearing and move with it: `"9@0s"` trips machine 9 when the fault is
+        cleared, `"7-8@6cyc"` opens a circuit 6 cycles later.
     name : str, optional
         What the contingency is called in tables.
 
@@ -60,6 +63,7 @@ class Contingency:
     at: str | float = "1s"
     impedance: complex = 0j
     events: tuple[Event | str, ...] = ()
+    after: tuple[Event | str, ...] = ()
     name: str | None = None
 
     if TYPE_CHECKING:  # what may be given is more than what is kept
@@ -73,6 +77,7 @@ class Contingency:
             at: str | float = "1s",
             impedance: complex = 0j,
             events: Event | str | Iterable[Event | str] = (),
+            after: Event | str | Iterable[Event | str] = (),
             name: str | None = None,
         ) -> None: ...
 
@@ -90,9 +95,12 @@ class Contingency:
         object.__setattr__(self, "fault", written(fault))
         object.__setattr__(self, "trip", _circuits(self.trip))
         object.__setattr__(self, "events", _events(self.events))
+        object.__setattr__(self, "after", _events(self.after, "after"))
+        if early := [one for one in self.after if event(one, 60.0).at < 0]:
+            raise StudyError(f"after = {early[0]} is before the clearing; count its instant from the clearing.")
 
     def placed(self, case: Case) -> "Contingency":
-        """The same with records of the case's buses and circuits instead of text.
+        """The same with records of the case's buses and circuits, and of the events after clearing, instead of text.
 
         Parameters
         ----------
@@ -114,7 +122,8 @@ class Contingency:
         '7-8#2'
         """
         fault = None if self.fault is None else placed(case, self.fault)
-        return replace(self, fault=fault, trip=tuple(naming.circuit(case, circuit(case, k)[0]) for k in self.trip))
+        trip = tuple(naming.circuit(case, circuit(case, k)[0]) for k in self.trip)
+        return replace(self, fault=fault, trip=trip, after=tuple(event(e, case.frequency_hz) for e in self.after))
 
     @property
     def opened(self) -> tuple[Place, ...]:
@@ -123,9 +132,14 @@ class Contingency:
         return tuple(dict.fromkeys((*own, *self.trip)))
 
     @property
+    def tripped(self) -> tuple[str, ...]:
+        """What happens at clearing and after it, as text: the circuits of `trip`, machines, other events."""
+        return *map(str, self.trip), *(_tripped(event(one, 60.0)) for one in self.after)
+
+    @property
     def label(self) -> str:
-        """Its name, or its fault and trip: `16 trip 16-21`."""
-        trip = f"trip {', '.join(map(str, self.trip))}" if self.trip else ""
+        """Its name, or its fault and trip: `16 trip 16-21, machine 9`."""
+        trip = f"trip {', '.join(self.tripped)}" if self.tripped else ""
         return self.name or " ".join(str(part) for part in (self.fault, trip) if part) or str(self)
 
     def starts(self, case: Case) -> float:
@@ -216,13 +230,13 @@ class Contingency:
         (Fault(place='7', at=1.0, impedance=0j), Clear(place='7', at=1.1))
         """
         events = list(self.others(case))
-        if self.fault is None and not self.trip:
+        if self.fault is None and not self.trip and not self.after:
             return tuple(events)
         duration = self._duration(case)
         return *events, *self.placed(case).lasting(duration, self.starts(case))
 
     def lasting(self, duration: float, begin: float) -> tuple[Event, ...]:
-        """The fault, its clearing, and the circuits opened then.
+        """The fault, its clearing, the circuits opened then, and the events after it, which are records.
 
         Parameters
         ----------
@@ -246,7 +260,8 @@ class Contingency:
             events.append(Fault(self.fault, begin, self.impedance))
             if isinstance(self.fault, str):
                 events.append(Clear(self.fault, end))
-        return *events, *(Open(k, end) for k in self.opened)
+        events += (Open(k, end) for k in self.opened)
+        return *events, *(replace(e, at=end + e.at) for e in self.after if not isinstance(e, str))
 
     def check(self, case: Case, until: float | None = None) -> None:
         """Check the contingency against a case.
@@ -321,9 +336,8 @@ class Contingency:
             parts.append(f"cleared after {_said(self.clear, frequency_hz)}" + (f" by {opened}" if opened else ""))
         elif opened:
             parts.append(opened if self.fault is None else f"to be cleared by {opened}")
-        parts += [
-            event if isinstance(event, str) else f"{described(event)} at {_said(event.at)}" for event in self.events
-        ]
+        parts += [f"then {_tripped(event(one, frequency_hz or 60.0))}" for one in self.after]
+        parts += [one if isinstance(one, str) else f"{described(one)} at {_said(one.at)}" for one in self.events]
         return ", ".join(parts) or "no event"
 
     __repr__ = __str__
@@ -391,16 +405,22 @@ def _names(part: str) -> list[str]:
     return [part] if any(c.isalpha() for c in part) else part.split()
 
 
-def _events(events: Event | str | Iterable[Event | str]) -> tuple[Event | str, ...]:
+def _events(events: Event | str | Iterable[Event | str], name: str = "events") -> tuple[Event | str, ...]:
     items = (events,) if isinstance(events, str | Event) else events
     if not isinstance(items, Iterable):
-        raise StudyError(f"events = {events!r} is not a list of events; write {SHOWN}.")
+        raise StudyError(f"{name} = {events!r} is not a list of events; write {SHOWN}.")
     for item in (items := tuple(items)):
         if isinstance(item, str):
             event(item, 60.0)
         elif not isinstance(item, Event):
             raise StudyError(f"{item!r} is not an event; write {SHOWN}, or give a record such as LoadStep.")
     return items
+
+
+def _tripped(event: Event) -> str:
+    """An event after clearing, in words."""
+    what = f"machine {event.machine}" if isinstance(event, TripMachine) else described(event)
+    return what + (f" {event.at:g} s later" if event.at else "")
 
 
 def _said(time: str | float, frequency_hz: float | None = None) -> str:

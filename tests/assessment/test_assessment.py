@@ -131,7 +131,7 @@ def test_contingencies_that_are_given_keep_their_names(base):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"faults": "poles"}, "give 'lines', 'buses', both"),
+        ({"faults": "poles"}, "give 'lines', 'buses', P1"),
         ({"faults": [3]}, "has no fault whose clearing time"),
         ({"faults": ["7-99"]}, "no bus 99"),
         ({"faults": [], "buses": "7"}, "leave it out with contingencies"),

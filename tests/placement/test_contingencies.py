@@ -130,9 +130,9 @@ def test_impedances_and_machine_trips_of_a_file(read):
     )
     first, second, third, fourth = read("\n".join(rows))
     assert first.impedance == 0.01 + 0.05j
-    assert [(e.machine, e.at) for e in first.events] == [(9, pytest.approx(1.1))]
+    assert [(e.machine, e.at) for e in first.after] == [(9, 0.0)]
     assert [(e.machine, e.at) for e in second.events] == [(9, pytest.approx(1.5)), (8, pytest.approx(1.2))]
-    assert (third.fault, [(e.machine, e.at) for e in third.events]) == (None, [(9, 1.0)])
+    assert (third.fault, [(e.machine, e.at) for e in third.after]) == (None, [(9, 0.0)])
     assert (fourth.fault, str(fourth.trip)) == (None, "('16-21',)")
 
 

@@ -13,9 +13,10 @@ import pytest
 from placement_results import RECORD, record
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
+from stabctl.io.contingencies.toml import read
 from stabctl.model import fleet
 from stabctl.model.tables import Storage
-from stabctl.placement.contingencies import clearing_s, packaged, read
+from stabctl.placement.contingencies import clearing_s, packaged
 from stabctl.placement.place import place
 from stabctl.placement.trials import Trials
 from stabctl.simulation.simulation import run

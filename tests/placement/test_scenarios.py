@@ -229,7 +229,8 @@ def test_cases_and_load_levels_of_the_command_have_names(case):
 @pytest.mark.slow
 def test_three_operating_points_nine_contingencies(cases):
     """Scenarios of a planner on the full-order system: 27, all survived."""
-    from stabctl.placement.contingencies import packaged, read
+    from stabctl.io.contingencies.toml import read
+    from stabctl.placement.contingencies import packaged
 
     case = cases("ieee39")
     points = {f"{level:g}": case.with_load_level(level) for level in (0.9, 0.95, 1.0)}

@@ -5,7 +5,7 @@ The first word behind ``` is the language, the next says what the block is:
     python              runs, all blocks of a page in one namespace and one empty folder; `text` below it is its output
     console             each `$ stabctl ...` runs there and ends with exit code 0 (`exit=2` behind the word: with that)
     sh                  each `make ...` names a target of the Makefile
-    toml|csv|python|dyr|matlab FILE  the file is written
+    toml|csv|python|dyr|matlab|con|sub|mon FILE  the file is written
 
 `...` in what a page shows stands for anything, a computing time or a rounding error for any other.
 """
@@ -111,7 +111,7 @@ def test_code_of_a_page_runs_and_gives_what_it_shows(page, own_folder, stabctl):
                         same(shown, out + err, f"{where} {command}")
             case "sh", "":
                 assert set(re.findall(r"^make (\w+)", fence.content, re.MULTILINE)) <= set(targets), where
-            case "toml" | "csv" | "python" | "dyr" | "matlab", path:
+            case "toml" | "csv" | "python" | "dyr" | "matlab" | "con" | "sub" | "mon", path:
                 assert path, f"{where} names no file"
                 (own_folder / path).parent.mkdir(parents=True, exist_ok=True)
                 (own_folder / path).write_text(fence.content, encoding="utf-8")

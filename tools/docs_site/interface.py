@@ -17,7 +17,8 @@ PAGES = {
     ),
     "clearing": (
         "Clearing times and studies",
-        "clearing_time ClearingTime screen Screen study Study Remedy Prices criteria Criteria Judged",
+        "clearing_time ClearingTime screen Screen read_contingencies study Study Remedy Prices criteria Criteria "
+        "Judged",
     ),
     "linear": (
         "Linear models and modes",

@@ -233,7 +233,7 @@ def screen(ax: "Axes", line: OneLine, found: Screen, point: float) -> list[Label
         time = 0.0 if p.status == "unstable_at_zero" else limit if p.cycles is None else p.cycles
         if p.fault in bus and not p.trip:
             at_bus.append((bus[p.fault], time, p.brief()))
-        if p.fault not in bus or len(p.trip) != 1:
+        if p.fault not in bus or len(p.trip) != 1 or p.contingency.after:
             continue
         if p.trip[0] not in row:
             raise StudyError(

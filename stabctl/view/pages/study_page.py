@@ -10,6 +10,7 @@ from stabctl.assessment import Study
 from stabctl.assessment.result import BAND, Margin
 from stabctl.clearing.index import CLEARED
 from stabctl.controllers import BangBang
+from stabctl.simulation.contingency import Contingency
 
 from ..figures import clearing, grid_strength, one_line
 from ..figures import modes as eigenvalues
@@ -114,7 +115,10 @@ def _contingencies(study: Study) -> Iterator[Part]:
             "Each half of a line has the color of a fault at its end, cleared by opening the line; a bus, that of a "
             "fault cleared without opening a line.",
         )
-    note = f"Margin: critical clearing time minus the {study.wanted.cycles:g} cycles guaranteed. In red: not survived."
+    note = (
+        f"Margin: critical clearing time minus the {study.wanted.cycles:g} cycles guaranteed, or the contingency's own "
+        "clearing time. In red: not survived."
+    )
     rows = [_row(m) for m in study.margins]
     yield table(HEADS, rows, note, classes=["" if m.secure else "unstable" for m in study.margins])
 
@@ -135,7 +139,7 @@ def _worst(study: Study) -> Iterator[Part]:
         rows.append(
             (m.found.contingency.label, outcome, f"{run.max_angle_from_coi_deg:.1f}", lowest, run.outcome.message)
         )
-    yield table(RUNS, rows, f"Simulated with a clearing time of {study.wanted.cycles:g} cycles.")
+    yield table(RUNS, rows, f"Simulated with a clearing time of {study.wanted.cycles:g} cycles, or their own.")
     found = [
         (m.found.contingency.label, v.rule, v.where, f"{v.value:.4g} {v.unit}", f"{v.at_s:.3f}", v.limit)
         for m, one in zip(study.margins, study.judged, strict=False)
@@ -225,7 +229,7 @@ def _scope(study: Study) -> list[str]:
 
 def _lines(study: Study) -> Iterator[Part]:
     """The lines of Python that compute the numbers again."""
-    name, wanted = study.point.case.name, study.wanted
+    name = study.point.case.name
     faults = repr(study.how.faults) if isinstance(study.how.faults, str) else "..."
     every = [
         f'base = st.load("{name}").initialize()',
@@ -234,11 +238,20 @@ def _lines(study: Study) -> Iterator[Part]:
         f"base.screen(faults={faults})",
     ]
     for m in study.margins[: len(study.worst)]:
-        c = m.found.contingency
-        trip = f", trip={', '.join(map(str, c.trip))!r}" if c.trip else ""
-        every.append(f"base.simulate(st.Contingency({str(c.fault)!r}, clear='{wanted.cycles:g}cyc'{trip}))")
+        every.append(f"base.simulate({_written(m.found.contingency, m.required)})")
     for change in (r.change for r in study.remedies if r.change):
         law = ", control=st.BangBang()" if change.control == [BangBang()] else ", control=..." if change.control else ""
         every.append(f"changed = base.case.{change.code}.initialize()  # {change.words}")
         every.append(f"changed.modes(({BAND[0]:g}, {BAND[1]:g})); changed.screen(faults={faults}{law})")
     yield pattern.made("lines.html", lines=every)
+
+
+def _written(c: Contingency, cycles: float) -> str:
+    """A contingency as it is written in Python."""
+    said = [repr(str(c.fault)), f"clear='{cycles:g}cyc'"]
+    said += [f"trip={', '.join(map(str, c.trip))!r}"] * bool(c.trip) + [f"at={c.at!r}"] * (c.at != "1s")
+    said += [f"impedance={c.impedance!r}"] * bool(c.impedance)
+    for name, events in (("events", c.events), ("after", c.after)):
+        told = ", ".join(repr(e) if isinstance(e, str) else f"st.{e!r}" for e in events)
+        said += [f"{name}=[{told}]"] * bool(events)
+    return f"st.Contingency({', '.join(said)})"

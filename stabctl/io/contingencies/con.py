@@ -1,0 +1,212 @@
+"""Contingencies of a CON file of PSS/E.
+
+The file says what is lost, and not why. Here a fault causes it: a bolted three-phase one at each end of the first
+branch (two contingencies), at a bus that is disconnected, at the high side of a machine that is removed, or at the bus
+of a load or shunt. When the fault is cleared, everything that the statement names is lost at once.
+"""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from stabctl._util.errors import StudyError
+from stabctl._util.wording import listed
+from stabctl.model.case import Case
+from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.events import Event, LoadStep, SwitchShunt
+from stabctl.simulation.outage import Outages
+
+from .automatic import AUTOMATIC, Automatic
+from .statements import Form, Statement, Word, bus, circuits, machine, number, read, understood
+from .subsystems import Subsystems
+
+OPEN = "OPEN|TRIP|DISCONNECT|REMOVE"
+CIRCUIT = "[CIRCUIT|CKT <circuit>]"
+FORMS = (
+    Form("branch", f"{OPEN} BRANCH|LINE FROM BUS <bus> TO [BUS] <bus> {CIRCUIT}"),
+    Form("transformer", f"{OPEN} BRANCH|LINE FROM BUS <bus> TO [BUS] <bus> TO [BUS] <bus> {CIRCUIT}"),
+    Form("transformer", f"{OPEN} THREEWINDING AT BUS <bus> TO [BUS] <bus> TO [BUS] <bus> {CIRCUIT}"),
+    Form("bus", f"{OPEN} BUS <bus>"),
+    Form("machine", f"{OPEN} MACHINE|UNIT <id> FROM BUS <bus>"),
+    Form("load", f"{OPEN} LOAD [<id>] FROM BUS <bus>"),
+    Form("shunt", f"{OPEN} SHUNT|SWSHUNT [<id>] FROM BUS <bus>"),
+    Form("set", "SET BUS <bus> LOAD|SHUNT|GENERATION TO <number> MW|MVAR|PERCENT"),
+    Form("change", "CHANGE|ALTER|MODIFY BUS <bus> LOAD|SHUNT|GENERATION BY <number> MW|MVAR|PERCENT"),
+    Form("increase", "INCREASE|RAISE BUS <bus> LOAD|SHUNT|GENERATION BY <number> MW|MVAR|PERCENT"),
+    Form("decrease", "DECREASE|REDUCE BUS <bus> LOAD|SHUNT|GENERATION BY <number> MW|MVAR|PERCENT"),
+)
+UNREPRESENTED = {
+    "CLOSE": "a branch that is not in service is not in the case, so it cannot be closed",
+    "ADD": "what is not in service is not in the case, so it cannot be added",
+    "MOVE": "load and generation cannot be moved",
+    "BLOCK": "HVDC links cannot be blocked",
+    "DISPATCH": "generation is not dispatched again",
+    "DEFAULT": "generation is not dispatched again",
+    "BUSNAMES": "buses are given by number or name without it; remove the line",
+    "BUSNUMBERS": "buses are given by number or name without it; remove the line",
+}
+
+
+def read_con(path: str | Path, case: Case, subsystems: Subsystems | None = None) -> tuple[Contingency, ...]:
+    """The contingencies of a CON file, without clearing times, those of its blocks before the automatic ones.
+
+    Raises `StudyError` with file, line and text of the first mistake, and for a statement that is not represented:
+    nothing of a file is left out in silence.
+    """
+    path, outages = Path(path), Outages(case)
+    found: list[Contingency] = []
+    automatic, named = Automatic(outages, subsystems), dict[str, int]()
+    statements = read(path)
+    for statement in statements:
+        if statement.begins("CONTINGENCY"):
+            if len(statement.words) != 2:
+                raise statement.error("it must be CONTINGENCY and a name, in quotes if the name has blanks.")
+            name = statement.words[1].text.strip()
+            if name in named:
+                raise statement.error(f"line {named[name]} has a contingency of this name, too; give it another one.")
+            named[name] = statement.line
+            found += _Block(outages, name, statement).read(statements)
+        elif statement.ends:
+            if after := next((one for one in statements if not one.ends), None):
+                raise after.error("nothing may follow the END of the file.")
+        elif statement.begins("SKIP") and len(statement.words) == 1:
+            automatic.skip(statement, statements)
+        else:
+            _refuse(statement)
+            automatic.add(statement, *understood(statement, (Form("block", "CONTINGENCY <name>"), *AUTOMATIC)))
+    found += automatic.contingencies()
+    if not found:
+        raise StudyError(
+            f"{path} has no contingencies; write CONTINGENCY 'name', OPEN BRANCH FROM BUS 7 TO BUS 8 and END."
+        )
+    return tuple(found)
+
+
+def _refuse(statement: Statement) -> None:
+    """Raise `StudyError` for a statement that is allowed, but is not represented."""
+    for keyword, why in UNREPRESENTED.items():
+        if statement.begins(keyword) or (keyword == "DISPATCH" and statement.words[-1].means(keyword)):
+            raise statement.error(f"{keyword} is not represented, because {why}.")
+
+
+class _Block:
+    """The statements from CONTINGENCY to END."""
+
+    def __init__(self, outages: Outages, name: str, opened: Statement) -> None:
+        self.outages, self.case, self.name, self.opened = outages, outages.case, name, opened
+        self.faults: tuple[int, ...] = ()
+        self.branches: list[int] = []
+        self.machines: list[int] = []
+        self.after: dict[object, Event] = {}
+        self.first = ""  # what kind the first element is
+
+    def read(self, statements: Iterator[Statement]) -> list[Contingency]:
+        """The contingencies of the block. Raises `StudyError`."""
+        for statement in statements:
+            if statement.ends:
+                return self._contingencies()
+            if statement.begins("CONTINGENCY"):
+                raise statement.error(f"contingency '{self.name}' of line {self.opened.line} has no END before it.")
+            _refuse(statement)
+            self._take(statement)
+        raise self.opened.error("it has no END.")
+
+    def _contingencies(self) -> list[Contingency]:
+        if not self.faults:
+            raise self.opened.error("nothing is lost; write OPEN BRANCH FROM BUS 7 TO BUS 8 before the END.")
+        several = self.first in ("branch", "transformer")
+        return [
+            self.outages.contingency(
+                fault,
+                self.branches,
+                self.machines,
+                name=f"{self.name}, fault at bus {fault}" if several else self.name,
+                after=self.after.values(),
+            )
+            for fault in self.faults
+        ]
+
+    def _take(self, statement: Statement) -> None:
+        kind, words = understood(statement, FORMS)
+        self.first = self.first or kind
+        step: dict[str, Callable[[Statement, list[Word]], tuple[int, ...]]] = {
+            "branch": self._branch,
+            "transformer": self._branch,
+            "bus": self._bus,
+            "machine": self._machine,
+            "load": self._load,
+            "shunt": self._shunt,
+        }
+        at = step[kind](statement, words) if kind in step else self._changed(kind, statement, words)
+        self.faults = self.faults or at
+
+    def _branch(self, statement: Statement, words: list[Word]) -> tuple[int, ...]:
+        count = 3 if sum(word.means("TO") for word in statement.words if not word.quoted) > 1 else 2
+        ends = tuple(bus(statement, self.case, word) for word in words[:count])
+        rows = circuits(statement, self.case, ends, words[count] if len(words) > count else None)
+        if again := {*rows} & {*self.branches}:
+            raise statement.error(f"the branch is opened above, too; remove one of the {1 + len(again)} statements.")
+        self.branches += rows
+        return ends
+
+    def _bus(self, statement: Statement, words: list[Word]) -> tuple[int, ...]:
+        at = bus(statement, self.case, words[0])
+        self.branches += self.outages.beside[at]
+        self.machines += (m.machine for m in self.case.machines if m.bus == at)
+        return (at,)
+
+    def _machine(self, statement: Statement, words: list[Word]) -> tuple[int, ...]:
+        number = machine(statement, self.case, bus(statement, self.case, words[1]), words[0])
+        if number in self.machines:
+            raise statement.error("the machine is removed above, too; remove one of the statements.")
+        self.machines.append(number)
+        return (self.case.machine(number).storage_bus,)
+
+    def _load(self, statement: Statement, words: list[Word]) -> tuple[int, ...]:
+        at = bus(statement, self.case, words[-1])
+        here = [load for load in self.case.loads if load.bus == at]
+        ids = [load.id or str(i) for i, load in enumerate(here, start=1)]
+        wanted = ids if len(words) == 1 else [words[0].text.strip()]
+        if not ids or not {*wanted} <= {*ids}:
+            what = f"load {words[0]}" if len(words) > 1 else "load"
+            raise statement.error(f"{self.case.name} has no {what} at bus {at}; it has {listed(ids) or 'none there'}.")
+        lost = [load for id, load in zip(ids, here, strict=True) if id in wanted]
+        return self._step(statement, at, -sum(load.p for load in lost), -sum(load.q for load in lost))
+
+    def _shunt(self, statement: Statement, words: list[Word]) -> tuple[int, ...]:
+        """The shunt of a bus, which is one in a case, whichever of the shunts of a file is named."""
+        at = bus(statement, self.case, words[-1])
+        row = self.case.buses[self.case.row_of_bus[at]]
+        if not (row.g or row.b):
+            raise statement.error(f"{self.case.name} has no shunt at bus {at}.")
+        self.after["shunt", at] = SwitchShunt(at, 0.0, -row.g, -row.b)
+        return (at,)
+
+    def _changed(self, kind: str, statement: Statement, words: list[Word]) -> tuple[int, ...]:
+        """A load or shunt that is set to a value or changed by one, at constant power factor."""
+        at, value = bus(statement, self.case, words[0]), number(statement, words[1])
+        what, unit = statement.words[3], statement.words[-1]
+        if what.means("GENERATION"):
+            raise statement.error("GENERATION is not represented, because generation is not dispatched again.")
+        row = self.case.buses[self.case.row_of_bus[at]]
+        here = [load for load in self.case.loads if load.bus == at]
+        of_load = what.means("LOAD")
+        size = sum(load.p for load in here) if of_load else row.b
+        if not size or (not unit.means("PERCENT") and unit.means("MW") != of_load):
+            raise statement.error(
+                f"it needs a {'load with active power' if of_load else 'shunt'} at the bus, and "
+                f"{'MW' if of_load else 'MVAR'} or PERCENT."
+            )
+        share = value / 100 if unit.means("PERCENT") else value / size
+        share = {"set": share - 1, "decrease": -share}.get(kind, share)
+        if not share or share < -1:
+            raise statement.error("it changes nothing." if not share else f"only {abs(size):g} can be taken away.")
+        if of_load:
+            return self._step(statement, at, share * size, share * sum(load.q for load in here))
+        self.after["shunt", at] = SwitchShunt(at, 0.0, 0.0, share * row.b)
+        return (at,)
+
+    def _step(self, statement: Statement, at: int, p: float, q: float) -> tuple[int, ...]:
+        if ("load", at, p, q) in self.after or not (p or q):
+            raise statement.error("it changes nothing, or what another statement above changes, too.")
+        self.after["load", at, p, q] = LoadStep(at, 0.0, p, q)
+        return (at,)

@@ -1,0 +1,152 @@
+"""A contingency from the elements that are lost: where its fault is, and what is opened and tripped with it."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from stabctl.model import naming, network
+from stabctl.model.case import Case
+from stabctl.model.network import BranchState, Switching
+
+from .contingency import Contingency
+from .events import Event, TripMachine
+
+NONE: Mapping[int, complex] = {}
+OPEN = BranchState(from_closed=False, to_closed=False)
+
+
+class Element(NamedTuple):
+    """A branch with its ends and rows, or a machine or bus with the place of its fault."""
+
+    name: str
+    ends: tuple[int, ...]  # the places of a fault
+    rows: tuple[int, ...] = ()  # of the branches opened
+    machines: tuple[int, ...] = ()
+
+    @property
+    def at(self) -> int:
+        """The first end."""
+        return self.ends[0]
+
+
+class Outages:
+    """The contingencies of a case by the elements that are lost."""
+
+    def __init__(self, case: Case) -> None:
+        self.case = case
+
+    @cached_property
+    def net(self) -> network.Network:
+        """The network before them."""
+        return network.build(self.case)
+
+    @cached_property
+    def loaded(self) -> frozenset[int]:
+        """Rows of the buses with a load."""
+        return frozenset(self.case.row_of_bus[load.bus] for load in self.case.loads)
+
+    def contingency(
+        self,
+        fault: int,
+        branches: Iterable[int] = (),
+        machines: Iterable[int] = (),
+        *,
+        name: str,
+        impedance: complex = 0j,
+        after: Iterable[Event] = (),
+        events: Iterable[Event] = (),
+    ) -> Contingency:
+        """A fault at a bus, cleared by opening branches (rows) and tripping machines, and those that are cut off."""
+        rows = tuple(dict.fromkeys(branches))
+        tripped = dict.fromkeys((*machines, *self.cut_off(rows)))
+        trip = tuple(naming.circuit(self.case, row) for row in rows)
+        later = (*(TripMachine(number, 0.0) for number in tripped), *after)
+        return Contingency(str(fault), trip=trip, impedance=impedance, after=later, events=tuple(events), name=name)
+
+    def cut_off(self, branches: tuple[int, ...]) -> tuple[int, ...]:
+        """The machines in parts without a load that opening branches cuts off: with nothing to feed, they trip."""
+        island = network.islands(self.net, Switching(branches=tuple((row, OPEN) for row in sorted(branches))))
+        size = np.bincount(island)
+        if len(size) == self.whole:
+            return ()
+        fed = {island[row] for row in self.loaded} | {size.argmax()}
+        return tuple(m.machine for m in self.case.machines if island[self.case.row_of_bus[m.bus]] not in fed)
+
+    @cached_property
+    def whole(self) -> int:
+        """Number of islands before them."""
+        return int(network.islands(self.net).max()) + 1
+
+    @cached_property
+    def beside(self) -> dict[int, list[int]]:
+        """Rows of the branches at every bus."""
+        found: dict[int, list[int]] = {b.bus: [] for b in self.case.buses}
+        for row, k in enumerate(self.case.branches):
+            for end in {k.from_bus, k.to_bus}:
+                found[end].append(row)
+        return found
+
+    def of(self, elements: Sequence[Element], name: str, impedance: Mapping[int, complex] = NONE) -> list[Contingency]:
+        """A fault at each end of the first element, through an impedance by bus; all of them are lost."""
+        rows = [row for one in elements for row in one.rows]
+        machines = [number for one in elements for number in one.machines]
+        ends = dict.fromkeys(elements[0].ends)
+        return [
+            self.contingency(
+                end,
+                rows,
+                machines,
+                name=f"{name}, fault at bus {end}" if len(ends) > 1 else name,
+                impedance=impedance.get(end, 0j),
+            )
+            for end in ends
+        ]
+
+    @cached_property
+    def branches(self) -> tuple[Element, ...]:
+        """The branches; a transformer with three windings is one, and a step-up inside a machine's record none."""
+        found = []
+        for row, k in enumerate(self.case.branches):
+            star = next((end for end in k[:2] if is_star(self._name(end))), None)
+            rows = (row,) if star is None else tuple(self.beside[star])
+            ends = tuple(end for r in rows for end in self.case.branches[r][:2] if end != star)
+            if row == rows[0] and all(self.seen(end) == end for end in ends):
+                told = str(naming.circuit(self.case, row)) if star is None else "-".join(map(str, ends))
+                found.append(Element(f"branch {told}", ends, rows))
+        return tuple(found)
+
+    @cached_property
+    def machines(self) -> tuple[Element, ...]:
+        """The machines, with a fault at the high side of the step-up transformer."""
+        return tuple(Element(f"machine {m.called}", (m.storage_bus,), (), (m.machine,)) for m in self.case.machines)
+
+    @cached_property
+    def buses(self) -> tuple[Element, ...]:
+        """The buses that a file of the network numbers."""
+        return tuple(
+            Element(
+                f"bus {b.bus}",
+                (b.bus,),
+                tuple(self.beside[b.bus]),
+                tuple(m.machine for m in self.case.machines if m.bus == b.bus),
+            )
+            for b in self.case.buses
+            if not is_star(b.name) and self.seen(b.bus) == b.bus
+        )
+
+    def seen(self, number: int) -> int:
+        """The bus itself; for a terminal behind the step-up transformer of a machine's record, the bus of that."""
+        name = self._name(number)
+        at = name.removeprefix("terminal ").partition("/")[0]
+        return int(at) if name.startswith("terminal ") and "/" in name and at.isdecimal() else number
+
+    def _name(self, number: int) -> str:
+        return self.case.buses[self.case.row_of_bus[number]].name
+
+
+def is_star(name: str) -> bool:
+    """Whether a bus is the star point of a transformer with three windings."""
+    return re.fullmatch(r"star \d+-\d+-\d+", name) is not None
