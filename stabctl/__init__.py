@@ -14,7 +14,6 @@ TYPE_CHECKING = False  # importing typing takes longer than the rest, and Ctrl-C
 if TYPE_CHECKING:
     from stabctl import design
     from stabctl._util.errors import StabctlError
-    from stabctl.assessment.criteria import Criteria, Judged, criteria
     from stabctl.assessment.result import Study
     from stabctl.assessment.study import study
     from stabctl.clearing.critical_time import ClearingTime, clearing_time
@@ -35,6 +34,8 @@ if TYPE_CHECKING:
     from stabctl.io.matpower import read_matpower
     from stabctl.io.psse import read_psse
     from stabctl.io.pst import read_pst
+    from stabctl.judgment.criteria import Criteria, criteria
+    from stabctl.judgment.judged import Judged
     from stabctl.model.case import Case
     from stabctl.model.powerflow import PowerFlow
     from stabctl.model.powerflow import solve as power_flow
@@ -72,7 +73,7 @@ _WHERE = {
     "Contingency": "simulation.contingency:Contingency",
     "Controller": "controllers:Controller",
     "Costs": "placement.siting:Costs",
-    "Criteria": "assessment.criteria:Criteria",
+    "Criteria": "judgment:Criteria",
     "Criterion": "simulation.criterion:Criterion",
     "DelayedModes": "smallsignal.delayed_loop:DelayedModes",
     "Estimates": "estimation.estimates:Estimates",
@@ -80,7 +81,7 @@ _WHERE = {
     "Fault": "simulation.events:Fault",
     "Feedback": "controllers:Feedback",
     "Gate": "controllers:Gate",
-    "Judged": "assessment.criteria:Judged",
+    "Judged": "judgment:Judged",
     "LimitCycles": "smallsignal.limit_cycles:LimitCycles",
     "LoadStep": "simulation.events:LoadStep",
     "Margins": "smallsignal.margins:Margins",
@@ -109,7 +110,7 @@ _WHERE = {
     "check": "model.unusual:check",
     "clearing_time": "clearing:clearing_time",
     "closed_loop": "smallsignal.closed_loop:closed_loop",
-    "criteria": "assessment.criteria:criteria",
+    "criteria": "judgment:criteria",
     "estimate": "estimation.estimate:estimate",
     "import_report": "io.import_report:import_report",
     "initialize": "dynamics.operating_point:initialize",

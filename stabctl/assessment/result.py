@@ -13,17 +13,16 @@ from stabctl._util.tabular import Tabular, inert
 from stabctl._util.units import cycles
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
-from stabctl.clearing import ClearingTime, Screen
+from stabctl.clearing import ClearingTime, Screen, Severity
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.io.contingencies import Monitored
+from stabctl.judgment import Criteria, Judged, judge
 from stabctl.model.powerflow import PowerFlow
 from stabctl.model.short_circuit import ShortCircuitRatio
 from stabctl.model.unusual import UnusualData
 from stabctl.simulation.control import Control
 from stabctl.simulation.trajectory import Trajectory
 from stabctl.smallsignal import Modes
-
-from .criteria import Criteria, Judged, judge
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -75,6 +74,8 @@ class Study(Tabular):
         Short-circuit ratios; None also without converters.
     screen : Screen or None
         Critical clearing times.
+    ranking : tuple of Severity
+        During the screen: the contingencies in the order of a short run of each, the worst first.
     worst : tuple of Trajectory
         Runs of the contingencies with the smallest margins, cleared after the required time.
     how : Settings
@@ -97,6 +98,7 @@ class Study(Tabular):
     modes: Modes | None = None
     ratios: ShortCircuitRatio | None = None
     screen: Screen | None = None
+    ranking: tuple[Severity, ...] = ()
     worst: tuple[Trajectory, ...] = ()
     wall_s: float = 0.0
 
@@ -234,7 +236,7 @@ class Study(Tabular):
         said = []
         if self.screen is not None:
             number, lost = counted(len(self.screen.pairs), "contingency"), self.insecure
-            number += "" if self.complete else " screened so far"
+            number += "" if self.complete else f" screened so far ({self.screen.screened} in all)"
             own = ", or their own" * any(m.required != wanted.cycles for m in self.margins)
             if lost:
                 first, be = lost[0].found, "is" if len(lost) == 1 else "are"

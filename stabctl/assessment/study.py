@@ -5,17 +5,19 @@ guarantees and of the damping to a wanted value. Every number is that of the sin
 """
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from stabctl._util.errors import StudyError
 from stabctl._util.units import cycles, quantity
-from stabctl.clearing import ClearingTime, Screen, screen
+from stabctl.clearing import ClearingTime, Screen, Severity, screen
 from stabctl.clearing.screen_result import Lines
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.io.contingencies import monitored as monitored_by
+from stabctl.judgment import Criteria
+from stabctl.judgment import criteria as named
 from stabctl.model import powerflow
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
@@ -26,11 +28,10 @@ from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.simulate import simulate
 from stabctl.smallsignal.analysis import modes
 
-from .criteria import Criteria
-from .criteria import criteria as named
 from .result import BAND, NORMAL, Settings, Study, Wanted, critical
 
 EVERY = 20.0  # s   between two partial studies during the screen
+AT_FIRST = 2.0, 3.0, 5.0  # s   between the first ones
 SCREENED = 0.95  # share of the work that is done after the screen
 WORST = 10  # faults simulated
 
@@ -86,7 +87,8 @@ def study(
     progress : callable, optional
         Called with the share that is done, and the name of the part under way.
     each : callable, optional
-        Called with the study as far as it is done: after every part, and during the screen every 20 s.
+        Called with the study as far as it is done: after every part, before the screen with the contingencies that look
+        worst, and during the screen, which then begins with them, after 2, 5 and 10 s and every 20 s.
     **search
         Further arguments of `screen`: resolution, limit, observe, longest, scan, step.
 
@@ -128,6 +130,7 @@ def study(
         yield (now := replace(now, modes=modes(point, BAND)))
         if installed(case):
             yield (now := replace(now, ratios=short_circuit_ratio(case)))
+        partly = Partly(now, each) if each else None
         done = screen(
             point,
             faults=faults,
@@ -135,7 +138,8 @@ def study(
             store=store,
             scheduler=scheduler,
             progress=lambda done, total: tell(SCREENED * done / total, "faults"),
-            each=Partly(now, each) if each else None,
+            each=partly,
+            ranking=partly.begin if partly else None,
             **search,
         )
         yield (now := replace(now, screen=done))
@@ -157,16 +161,25 @@ class Partly:
     def __init__(self, study: Study, each: Callable[[Study], None]) -> None:
         self.study, self.each = study, each
         self.pairs: list[ClearingTime] = []
-        self.last = time.monotonic()
+        self.pauses = iter(AT_FIRST)
+
+    def begin(self, ranking: Sequence[Severity]) -> None:
+        """The screen begins; these contingencies look worst."""
+        self.study = replace(self.study, ranking=tuple(ranking))
+        self._tell(self.study)
 
     def __call__(self, pairs: Iterable[ClearingTime]) -> None:
         """These contingencies are done, too."""
         self.pairs += pairs
-        if time.monotonic() - self.last < EVERY:
+        number = len(self.study.ranking)
+        if time.monotonic() < self.due or len(self.pairs) == number:
             return
         case, search = self.study.point.case, self.pairs[0].search
         done = tuple(sorted(self.pairs, key=critical))
         runs = sum(len(p.runs) for p in done)
-        so_far = Screen(case.name, done, Lines((), (), ()), search, case.frequency_hz, 0, runs, 0.0)
-        self.each(replace(self.study, screen=so_far))
-        self.last = time.monotonic()
+        so_far = Screen(case.name, done, Lines((), (), ()), search, case.frequency_hz, number, runs, 0.0)
+        self._tell(replace(self.study, screen=so_far))
+
+    def _tell(self, study: Study) -> None:
+        self.each(study)
+        self.due = time.monotonic() + next(self.pauses, EVERY)

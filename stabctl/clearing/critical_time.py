@@ -6,7 +6,8 @@ The answer is extrapolated from unstable runs, which end early.
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from stabctl._util.errors import StudyError, shown
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
@@ -19,6 +20,9 @@ from stabctl.simulation.simulate import checked_control
 
 from .result import ClearingTime, Status
 from .trial import ABOVE, NO_SCAN, Margin, Run, Scan, Search, Trial
+
+if TYPE_CHECKING:
+    from stabctl.judgment import Criteria
 
 APART = 0.5  # cycles   of which the first guess is a multiple
 LONGEST = "20s"  # observed at most
@@ -42,6 +46,7 @@ def clearing_time(
     scan: str | float = "auto",
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
+    criteria: "Criteria | str | Path | None" = None,
     progress: Callable[[Run], None] | None = None,
 ) -> ClearingTime:
     """The critical clearing time of a contingency.
@@ -74,6 +79,9 @@ def clearing_time(
         cycle if they decay or are below 30 degrees.
     step, criterion
         As in `simulate`.
+    criteria : Criteria, str or Path, optional
+        Criteria of performance that a run must keep to count as stable: "wecc-tpl-001", or a file. A run that is too
+        short for them is repeated with the longest observation.
     progress : callable, optional
         Called after every simulation.
 
@@ -104,6 +112,7 @@ def clearing_time(
         criterion=criterion,
         scan=scan,
         longest=longest,
+        keeping=criteria,
     )
     search = replace(search, above_cycles=ABOVE if search.scan_cycles is None else search.scan_cycles)
     trial = Trial(point, _one(contingency).placed(point.case), checked_control(control, point.case), search)

@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 
 
 def watched(search: Search, longest: float) -> str:
-    """How long stable runs were observed: `5 s`, `5 to 20 s`."""
-    least = f"{search.observed_s:g}"
-    return f"{least} to {longest:g} s" if longest > search.observed_s + 1e-6 else f"{least} s"
+    """How stable runs were observed: `observed 5 to 20 s after clearing`, and by which criteria."""
+    time = f"{search.observed_s:g}" + (f" to {longest:g}" if longest > search.observed_s + 1e-6 else "")
+    kept = f", criteria {search.criteria.title}" if search.criteria else ""
+    return f"observed {time} s after clearing{kept}"
 
 
 LIMITS = {
@@ -99,8 +100,13 @@ class ClearingTime:
 
     @property
     def limited_by(self) -> str | None:
-        """What the lowest unstable run lost first: "synchronism", "frequency" or "voltage"; None if there is none."""
-        return LIMITS[self._lost.outcome] if self._lost else None
+        """What the lowest unstable run lost first: "synchronism", "frequency" or "voltage", or "criteria" not kept.
+
+        None if there is none.
+        """
+        if self._lost is None:
+            return None
+        return "criteria" if self._lost.violated else LIMITS[self._lost.outcome]
 
     @property
     def _lost(self) -> Run | None:
@@ -109,7 +115,12 @@ class ClearingTime:
 
     @property
     def limit(self) -> str:
-        """What limits the clearing time, in a few words: `synchronism of machine 4`, `voltage at bus 8`, or nothing."""
+        """What limits the clearing time, in a few words: `synchronism of machine 4`, `voltage at bus 8`, or nothing.
+
+        A rule of the criteria is named with its place: `WR1.3: bus 8`.
+        """
+        if self._lost and self._lost.violated:
+            return self._lost.violated.label
         place = f" at bus {self._lost.bus}" if self._lost and self._lost.bus is not None else ""
         return (self.limited_by or "") + (f" of {naming.unit(self.machine)}" if self.machine is not None else place)
 
@@ -158,9 +169,10 @@ class ClearingTime:
         """The simulations of the search, a row for each clearing time tried."""
         import pandas as pd
 
-        columns = "clearing_cycles", "stable", "outcome", "machine", "end_s"
-        frame = pd.DataFrame([(r.cycles, r.stable, r.outcome.value, r.machine, r.time_s) for r in self.runs])
-        return machine_column(frame.set_axis(columns, axis=1))
+        columns = "clearing_cycles", "stable", "outcome", "machine", "end_s", "violated"
+        rows = [(r.cycles, r.stable, r.outcome.value, r.machine, r.time_s, str(r.violated or "")) for r in self.runs]
+        frame = machine_column(pd.DataFrame(rows, columns=columns))
+        return frame if self.search.criteria else frame.drop(columns="violated")
 
     def grouped(self) -> list[tuple[str, ...]]:
         """The simulations in words: clearing times (cycles), number, outcome, machine, end (s); ends alike in one "
@@ -170,11 +182,12 @@ class ClearingTime:
             return " to ".join(dict.fromkeys(f"{v:{form}}" for v in (min(values), max(values))))
 
         rows: list[tuple[str, ...]] = []
-        for (outcome, machine), group in groupby(self.runs, lambda r: (r.outcome, r.machine)):
+        for (outcome, machine, broken), group in groupby(self.runs, lambda r: (r.outcome, r.machine, bool(r.violated))):
             alike = list(group)
             times, ends = span([r.cycles for r in alike], "g"), span([r.time_s for r in alike], ".2f")
             first = "" if machine is None else naming.unit(machine)
-            rows.append((times, str(len(alike)), outcome.value.replace("_", " "), first, ends))
+            said = "criteria not kept" if broken else outcome.value.replace("_", " ")
+            rows.append((times, str(len(alike)), said, first, ends))
         return rows
 
     def brief(self) -> str:
@@ -187,13 +200,20 @@ class ClearingTime:
         """
         first, what = self._first(), f"fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
         if self.status == "unstable_at_zero":
-            return f"{what}: unstable even if cleared immediately{first}"
+            return f"{what}: {self._never()}{first}"
         if self.status == "stable_at_limit":
             return f"{what}: stable up to the limit"
         return f"{what}: {self.cycles:g} cycles{first}"
 
+    def _never(self) -> str:
+        """What is the matter with every clearing time."""
+        what = "against the criteria" if self._lost and self._lost.violated else "unstable"
+        return f"{what} even if cleared immediately"
+
     def _first(self) -> str:
         """What fails first just beyond, as the end of a sentence; empty if nothing does."""
+        if self._lost and self._lost.violated:
+            return f"; beyond, {str(self._lost.violated).removesuffix('.')}"
         if self.limited_by in ("frequency", "voltage"):
             return f"; limited by {self.limit}, not by loss of synchronism"
         return f"; {naming.unit(self.machine)} loses synchronism first" if self.machine is not None else ""
@@ -209,6 +229,11 @@ class ClearingTime:
         where = enumerated("bus", self.stalled)
         return f"In the longest stable run, motor loads at {where} have stalled." if self.stalled else ""
 
+    def undecided(self) -> str:
+        """A sentence on a rule for which the longest stable run is too short; empty if there is none."""
+        longest = self.longest_stable
+        return longest.undecided if longest else ""
+
     def remark(self) -> str:
         """A sentence on large swings of the answer that last, and on any that grow; empty if there are none."""
         if self.swings is None or self.swings.settled or not (self.swings.growing or self.swings.lasting):
@@ -218,16 +243,16 @@ class ClearingTime:
         return f"Its swings {how} within {seconds}; with a longer observation, the clearing time may be shorter."
 
     def __str__(self) -> str:
-        observed = f"observed {watched(self.search, self.observed_s)} after clearing, {counted(len(self.runs), 'run')}"
+        observed = f"{watched(self.search, self.observed_s)}, {counted(len(self.runs), 'run')}"
         what = f"{self.case}, fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
         first = self._first()
         if self.status == "unstable_at_zero":
-            return f"{what}: unstable even if cleared immediately{first} ({observed})."
+            return f"{what}: {self._never()}{first} ({observed})."
         if self.status == "stable_at_limit":
             text = f"{what}: stable up to the search limit of {self.search.limit_cycles:g} cycles ({observed})."
-            return " ".join(part for part in (text, self.stall(), self.remark()) if part)
+            return " ".join(part for part in (text, self.stall(), self.remark(), self.undecided()) if part)
         text = f"{what}: critical clearing time {self.cycles:g} cycles ({self.seconds:.4f} s){first} ({observed})."
-        return " ".join(part for part in (text, self.stall(), self.remark(), self.window()) if part)
+        return " ".join(part for part in (text, self.stall(), self.remark(), self.undecided(), self.window()) if part)
 
     __repr__ = __str__
 

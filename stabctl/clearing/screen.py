@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import cycles
@@ -28,12 +28,16 @@ from stabctl.simulation.simulate import checked_control
 from stabctl.simulation.swings import Swings
 
 from .critical_time import LONGEST, critical, first_try
+from .index import Severity, ranked
 from .result import ClearingTime
 from .screen_result import Lines, Screen, lines
 from .templates import CATEGORIES, contingencies
 from .trial import Margin, Run, Search, Trial
 
-FORMAT = 2
+if TYPE_CHECKING:
+    from stabctl.judgment import Criteria
+
+FORMAT = 3
 FAULTS = "lines", "buses"
 ANSWER = "case", "status", "cycles", "seconds", "machine", "wall_s"
 NEAR = 0.5  # cycles   first stride from the answer of another contingency at the same place
@@ -53,12 +57,14 @@ def screen(
     scan: str | float = "auto",
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
+    criteria: "Criteria | str | Path | None" = None,
     buses: int | str | Iterable[int] | None = None,
     workers: int | None = None,
     store: str | Path | None = None,
     scheduler: str | None = None,
     progress: Callable[[int, int], None] | None = None,
     each: Callable[[Sequence[ClearingTime]], None] | None = None,
+    ranking: Callable[[Sequence[Severity]], None] | None = None,
 ) -> Screen:
     """The critical clearing times of bolted faults at both ends of every line, or of other contingencies.
 
@@ -78,7 +84,7 @@ def screen(
         Categories of NERC TPL-001-5, Table 1: "P1", "P2", "P4", "P5", "P6", "P7", with a clearing time that a study
         compares with: "P4@15cyc". Several: "lines, P7". Or the contingencies; the search ignores their own clearing
         times. Default "lines".
-    storage, control, resolution, limit, observe, longest, scan, step, criterion
+    storage, control, resolution, limit, observe, longest, scan, step, criterion, criteria
         As in `clearing_time`.
     buses : int, str, or iterable of int, optional
         Buses with a fault, "83, 102" or [83, 102]; by default all. Not for contingencies that are given.
@@ -91,7 +97,10 @@ def screen(
     progress : callable, optional
         Called with the number of pairs done and the total.
     each : callable, optional
-        Called with the pairs of one place, as soon as they are found.
+        Called with the pairs of one place, as soon as they are found; the worst places come first, as one short run of
+        every pair ranks them. The pairs do not depend on it.
+    ranking : callable, optional
+        Called before the search with what these runs show, the worst first.
 
     Returns
     -------
@@ -120,6 +129,7 @@ def screen(
         criterion=criterion,
         scan=scan,
         longest=longest,
+        keeping=criteria,
     )
     if below is not None:
         search = replace(search, limit_cycles=min(search.limit_cycles, _next(below, search, point.case)))
@@ -127,8 +137,14 @@ def screen(
     shared = Shared(Base(point), search, checked_control(control, point.case))
     began, pairs = time.perf_counter(), list[ClearingTime]()
     simulations, size = 0, sum(map(len, places.values()))
-    with Runner(PLACE, store=store, workers=workers, scheduler=scheduler) as runner:
-        for task, row in runner.rows(tasks(places, shared, runner.remote)):
+    how: dict[str, Any] = {"store": store, "workers": workers, "scheduler": scheduler}
+    with Runner(PLACE, **how) as runner:
+        ordered = tasks(places, shared, runner.remote)
+        if each or ranking:
+            ordered, severities = ranked(ordered, **how)
+            if ranking:
+                ranking(severities)
+        for task, row in runner.rows(ordered):
             here = pairs_of(row, task.job.contingencies, search)
             pairs += here
             simulations += row["simulations"]
@@ -281,7 +297,8 @@ def as_plain(found: ClearingTime) -> dict[str, Any]:
 def _run_as_plain(run: Run) -> list[Any]:
     margin = None if run.margin is None else [float(energy) for energy in run.margin]
     swings = None if run.swings is None else list(run.swings)
-    return list(run._replace(margin=margin, swings=swings, stalled=list(run.stalled)))  # type: ignore[arg-type]
+    violated = None if run.violated is None else [*run.violated]
+    return list(run._replace(margin=margin, swings=swings, stalled=[*run.stalled], violated=violated))  # type: ignore[arg-type]
 
 
 def pairs_of(row: dict[str, Any], contingencies: Iterable[Contingency], search: Search) -> list[ClearingTime]:
@@ -298,6 +315,10 @@ def from_plain(plain: dict[str, Any], contingency: Contingency, search: Search) 
 
 def _run_from_plain(plain: list[Any]) -> Run:
     run = Run(*plain)
+    if run.violated is not None:
+        from stabctl.judgment import Violation
+
+        run = run._replace(violated=Violation(*run.violated))
     return run._replace(
         outcome=OutcomeKind(run.outcome),
         margin=None if run.margin is None else Margin(*run.margin),

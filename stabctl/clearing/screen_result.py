@@ -56,7 +56,7 @@ class Screen:
     screened : int
         Number of pairs tried.
     simulations : int
-        Number of simulations.
+        Number of simulations of the searches.
     wall_s : float, s
         Computing time.
 
@@ -138,7 +138,7 @@ class Screen:
     def df(self) -> "pd.DataFrame":
         """The pairs, a row each; `machine` loses synchronism first just beyond the clearing time.
 
-        `limited_by` is what is lost there: "synchronism", "frequency" or "voltage".
+        `limited_by` is what is lost there: "synchronism", "frequency" or "voltage", or "criteria" that are not kept.
         """
         import pandas as pd
 
@@ -190,8 +190,7 @@ class Screen:
             shown = f"all {what} are stable for {search.limit_cycles:g} cycles"
         said = [
             f"{self.case}: {shown} (grid of {search.resolution_cycles:g} cycles up to {search.limit_cycles:g}, "
-            f"observed {watched(search, self.observed_s)} after clearing, {self.simulations} simulations in "
-            f"{self.wall_s:.1f} s)."
+            f"{watched(search, self.observed_s)}, {self.simulations} simulations in {self.wall_s:.1f} s)."
         ]
         if lasting := sum(bool(p.remark()) for p in self.pairs):
             said.append(
@@ -201,7 +200,8 @@ class Screen:
         if lost:
             opened = dict.fromkeys(name for p in lost for name in p.trip)
             what = "the loss" if any(p.contingency.after for p in lost) else "opening the line"
-            said.append(f"Unstable after {what}, even without a fault: {', '.join(opened)}.")
+            either = "Unstable, or against the criteria," if search.criteria else "Unstable"
+            said.append(f"{either} after {what}, even without a fault: {', '.join(opened)}.")
         if self.lines.bridges:
             said.append(f"Left out because opening them splits the network: {', '.join(map(str, self.lines.bridges))}.")
         if self.lines.twins:

@@ -7,7 +7,8 @@ is its margin after the single-machine-equivalent (SIME) method.
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,9 @@ from stabctl.simulation.setup import Setup, setup
 from stabctl.simulation.simulation import run_of
 from stabctl.simulation.swings import Swings, group
 from stabctl.simulation.trajectory import Trajectory
+
+if TYPE_CHECKING:  # pydantic, which reads criteria, is imported where there are some
+    from stabctl.judgment import Criteria, Violation
 
 LONGEST_SCAN = 600.0  # cycles
 AUTO = "auto"  # a scan of `BELOW`, as the swings of the answer demand, and of `ABOVE`
@@ -60,6 +64,7 @@ class Search:
     scan_cycles: float | None = None  # range below the answer in which others are tried; None: as its swings demand
     above_cycles: float = 0.0  # the same above it
     longest_s: float = 0.0  # s   observed at most, while the swings have not settled; if less than `observed_s`: never
+    criteria: "Criteria | None" = None  # that a run must keep to count as stable
 
     def __post_init__(self) -> None:
         if not 0 < self.resolution_cycles <= self.limit_cycles < math.inf:
@@ -88,14 +93,22 @@ class Search:
         criterion: Criterion = DEFAULT,
         scan: Any = AUTO,
         longest: Any = 0.0,
+        keeping: "Criteria | str | Path | None" = None,
     ) -> "Search":
-        """The search with quantities as a user gives them: text with a unit, or seconds."""
+        """The search with quantities as a user gives them: text with a unit, or seconds; criteria by name or file."""
         hz = case.frequency_hz
         grid, last = cycles(resolution, hz), cycles(limit, hz)
         h = None if step is None else seconds(step, hz)
         observed, most, rules = seconds(observe, hz), seconds(longest, hz), checked(criterion, hz)
         reach = None if scan == AUTO else cycles(scan, hz)
-        return cls(grid, last, observed, h, rules, scan_cycles=reach, longest_s=most)
+        found = cls(grid, last, observed, h, rules, scan_cycles=reach, longest_s=most)
+        if keeping is None:
+            return found
+        from stabctl.judgment import criteria
+
+        kept = criteria(keeping)
+        kept.check(case)
+        return replace(found, criteria=kept)
 
     @property
     def range_cycles(self) -> float:
@@ -135,7 +148,7 @@ class Run(NamedTuple):
     """One simulation of a search."""
 
     cycles: float  # clearing time
-    stable: bool
+    stable: bool  # and the criteria kept, if there are any
     outcome: Kind
     machine: int | str | None  # that lost synchronism first
     time_s: float  # s   end of the run, from the fault on
@@ -144,6 +157,8 @@ class Run(NamedTuple):
     observed_s: float = 0.0  # s   simulated after the last event
     stalled: tuple[int, ...] = ()  # buses whose motor loads have stalled at the end
     bus: int | None = None  # whose voltage collapsed
+    violated: "Violation | None" = None  # the first of the criteria, in a run without instability
+    undecided: str = ""  # what of the criteria it was too short for
 
 
 @dataclass(frozen=True)
@@ -206,10 +221,10 @@ class Trial:
         after = max((e.at for e in self.placed.after if not isinstance(e, str)), default=0.0)
         return max([self.cleared(k) + after, *(e.at + self.at for e in self.others)])
 
-    def simulate(self, k: int, record: Recorded = False) -> Trajectory:
-        """The run cleared at the grid's point k, until the observation after the last event ends."""
+    def simulate(self, k: int, record: Recorded = False, observe: float | None = None) -> Trajectory:
+        """The run cleared at the grid's point k, until the observation (s) after the last event ends."""
         last = self.last_event(k)
-        until, longest = last + self.search.observed_s, last + self.search.longest_s
+        until, longest = last + (observe or self.search.observed_s), last + self.search.longest_s
         return run_of(self.setup, self.events(k), until, record=record, longest=longest)
 
     @cached_property
@@ -224,11 +239,40 @@ class Trial:
 
     def attempt(self, k: int) -> Run:
         """What the run cleared at the grid's point k shows."""
-        ran = self.simulate(k, record="rotors")
+        ran, violated, undecided = self.judged(k)
         end, cycles = ran.outcome, k * self.search.resolution_cycles
-        beyond, observed = None if end.stable else margin(ran, self.cleared(k)), end.time_s - self.last_event(k)
-        start = Run(cycles, end.stable, end.kind, end.machine, end.time_s - self.at)
-        return start._replace(margin=beyond, swings=end.swings, observed_s=observed, stalled=end.stalled, bus=end.bus)
+        return Run(
+            cycles,
+            end.stable and violated is None,
+            end.kind,
+            end.machine,
+            end.time_s - self.at,
+            margin=None if end.stable else margin(ran, self.cleared(k)),
+            swings=end.swings,
+            observed_s=end.time_s - self.last_event(k),
+            stalled=end.stalled,
+            bus=end.bus,
+            violated=violated,
+            undecided=undecided,
+        )
+
+    def judged(self, k: int) -> tuple[Trajectory, "Violation | None", str]:
+        """The run cleared at the grid's point k, its first violation of the criteria, and for what it is too short.
+
+        A run that is too short is repeated with the longest observation.
+        """
+        search = self.search
+        if search.criteria is None:
+            return self.simulate(k, record="rotors"), None, ""
+        from stabctl.judgment import judge
+
+        ran = self.simulate(k, record=True)
+        found = judge(ran, search.criteria)
+        if found.kept and found.undecided and search.longest_s > search.observed_s:
+            ran = self.simulate(k, record=True, observe=search.longest_s)
+            found = judge(ran, search.criteria)
+        first = min(found.violations, key=lambda one: one.at_s, default=None) if ran.outcome.stable else None
+        return ran, first, "".join(found.undecided[:1])
 
     def guess(self) -> int:
         """Point of the grid near the answer: a share of the time to loss of synchronism, fault uncleared."""

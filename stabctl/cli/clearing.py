@@ -34,6 +34,7 @@ def clearing_time(
     stability: groups.StabilityOptions,
     estimator: options.Estimator = "ideal",
     pmu: groups.PmuOptions,
+    by: options.Criteria = None,
     report: options.Report = None,
     case: groups.CaseOptions,
     as_json: options.Json = False,
@@ -43,6 +44,7 @@ def clearing_time(
     from stabctl.simulation.contingency import Contingency
 
     shared.folder(report)
+    criteria = shared.criteria(by)
     loaded = case.load()
     events = shared.events(loaded, opened, tripped, stepped)
     through = shared.impedance(fault_impedance)
@@ -55,6 +57,7 @@ def clearing_time(
             control=steering,
             **search._asdict(),
             criterion=stability.criterion(loaded),
+            criteria=criteria,
             progress=lambda _run: tell(None),
         )
     _show_clearing_time(found, as_json)
@@ -73,6 +76,7 @@ def _show_clearing_time(found: "ClearingTime", as_json: bool) -> None:
                 "growing": None if r.swings is None else r.swings.growing,
                 "decaying": None if r.swings is None else r.swings.decaying,
                 "stalled": r.stalled,
+                "violated": r.violated and r.violated._asdict(),
             }
             for r in found.runs
         ]
@@ -156,6 +160,7 @@ def screen(
     workers: options.Workers = None,
     store: options.Store = None,
     scheduler: options.Scheduler = None,
+    by: options.Criteria = None,
     out: Out = None,
     report: options.Report = None,
     case: groups.CaseOptions,
@@ -170,6 +175,7 @@ def screen(
     chosen = screened(faults, contingencies, subsystems, "lines")
     shared.file(out, ".csv")
     shared.folder(report)
+    criteria = shared.criteria(by)
     loaded = case.load()
     point = storage.initialize(loaded)
     steering = pmu.steering(*law.chosen(point.case, control, shared.controllers(controller)), estimator)
@@ -181,6 +187,7 @@ def screen(
             control=steering,
             **search._asdict(),
             criterion=stability.criterion(loaded),
+            criteria=criteria,
             workers=workers,
             store=store,
             scheduler=scheduler,

@@ -88,6 +88,7 @@ def place(
     workers: options.Workers = None,
     store: options.Store = None,
     scheduler: options.Scheduler = None,
+    by: options.Criteria = None,
     report: options.Report = None,
     case: groups.CaseOptions,
     as_json: options.Json = False,
@@ -99,6 +100,7 @@ def place(
     from stabctl.simulation.control import with_law
 
     shared.folder(report)
+    criteria = shared.criteria(by)
     loaded = case.load()
     points = _operating_points([loaded, *(case._replace(case=name).load() for name in also or ())], load_level)
     if storage_at is not None:
@@ -128,6 +130,7 @@ def place(
             longest=longest,
             step=step,
             criterion=stability.criterion(loaded),
+            criteria=criteria,
             validate=estimated or None,
             workers=workers,
             store=store,
@@ -202,6 +205,7 @@ def _record(found: "Siting") -> dict[str, Any]:
         "tolerance": found.tolerance,
         "history": [h._asdict() for h in found.history],
         "observed_s": found.observed_s,
+        "criteria": found.criteria,
         "simulations": found.simulations,
         "wall_s": found.wall_s,
     }

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from stabctl.assessment import Criteria
     from stabctl.controllers import Controller, Law
+    from stabctl.judgment import Criteria
     from stabctl.model.case import Case
     from stabctl.simulation.events import Event
 
@@ -109,7 +109,7 @@ def criteria(name: str | None) -> "Criteria | None":
     """The criteria of performance of this name or file, if there is one."""
     if name is None:
         return None
-    from stabctl.assessment.criteria import criteria as named
+    from stabctl.judgment import criteria as named
 
     return named(name)
 
@@ -213,7 +213,7 @@ class Lines(AbstractContextManager["Lines"]):
     def __call__(self, done: float | None, remark: str = "") -> None:
         """So much is done."""
         self.done, self.remark, now = done or 0.0, remark, time.monotonic()
-        if now - self.began < SETTLED:
+        if now - self.began < SETTLED or not done:
             self.first = now, self.done
         elif not self.said and self.left() > LONG:
             self.say()

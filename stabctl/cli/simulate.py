@@ -7,7 +7,7 @@ from . import groups, options, shared
 from .parameters import Option
 
 if TYPE_CHECKING:
-    from stabctl.assessment import Judged
+    from stabctl.judgment import Judged
     from stabctl.simulation.trajectory import Trajectory
 
 FaultOrNone = Annotated[str | None, Option("--fault", help=options.FAULT)]

@@ -72,8 +72,7 @@ def study(
     pages: list[Path] = []
 
     def partly(found: "Study") -> None:
-        if report:
-            pages.append(found.report(report))
+        pages.append(found.report(report))
 
     with shared.progress("study", 1.0) as tell:
         found = study(
@@ -91,7 +90,7 @@ def study(
             store=store,
             scheduler=scheduler,
             progress=tell,
-            each=partly,
+            each=partly if report else None,
             **search._asdict(),
         )
     written = [found.save(out) if out else None, *pages[-1:]]

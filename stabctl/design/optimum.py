@@ -171,8 +171,8 @@ class Optimum(Tabular):
         return (
             f"{what}: {self.cycles:g} cycles ({self.seconds:.4f} s) with the best schedule found, "
             f"{self.start.cycles:g} with the law alone{idle}. This is a local optimum: {ENDS[self.ended]} ({made}); "
-            f"a better schedule far from it may exist. Verified by simulation, observed {seen} after clearing; the law "
-            f"takes over {takes_over:.3g} s after clearing. Machine {p[0]} has the largest swing, "
+            f"a better schedule far from it may exist. Verified by simulation, {seen}; the law takes "
+            f"over {takes_over:.3g} s after clearing. Machine {p[0]} has the largest swing, "
             f"{np.rad2deg(p[1]):.0f} degrees against the center of inertia, {p[2]:.2f} s after clearing. Energy used: "
             f"{used.sum():.3g} kWh in total, {used.max():.3g} kWh by one device. Active limits: "
             f"{'; '.join(self.binding) or 'none'}."

@@ -190,6 +190,8 @@ def _plain(value: Any) -> Any:
         return {"class": type(value).__name__, **named}
     if isinstance(value, tuple) and hasattr(value, "_asdict"):
         return _plain(value._asdict())
+    if hasattr(value, "model_dump"):  # a pydantic model
+        return _plain({"class": type(value).__name__, **value.model_dump()})
     if isinstance(value, list | tuple):
         return [_plain(one) for one in value]
     if isinstance(value, Mapping):

@@ -21,7 +21,7 @@ from stabctl.simulation.trajectory import Trajectory
 from .contingencies import target_cycles, without_fault
 from .siting_rows import SAME
 
-FORMAT = 3
+FORMAT = 4
 GRID = 0.125  # cycles
 What = Literal["outcome", "peak", "energy", "currents", "critical time"]
 
@@ -113,9 +113,14 @@ def answer(task: Task) -> Found:
     if one.what == "critical time" and target is not None:
         return _critical_time(one, shared, target)
     asked = VALUES.get(one.what, VALUES["outcome"])  # without a fault there is no critical time
-    ran = simulate(one, shared, record=asked.record)
-    end, values = ran.outcome, asked.of(ran)
-    return _found(end.stable, end.machine, 1, values=json.dumps(values.tolist()))
+    rules = one.search.criteria
+    ran = simulate(one, shared, record=True if rules else asked.record)
+    values, kept = asked.of(ran), ran.outcome.stable
+    if rules:
+        from stabctl.judgment import judge
+
+        kept = judge(ran, rules).kept
+    return _found(kept, ran.outcome.machine, 1, values=json.dumps(values.tolist()))
 
 
 def _peaks(ran: Trajectory) -> np.ndarray:

@@ -8,7 +8,7 @@ of the search.
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 import numpy as np
 
@@ -40,6 +40,9 @@ from .siting import CandidateSite, Costs, Infeasible, Site, Siting, Survived
 from .siting_rows import label
 from .trials import Trials
 
+if TYPE_CHECKING:
+    from stabctl.judgment import Criteria
+
 UNIFORM = 0.05  # of machine MVA   the uniform fleet that is scaled
 LESS = 0.97  # of the fleet, at which a binding contingency is lost
 USUAL = 0.1  # tolerance of a size in the evidence of every fleet, if none is given
@@ -66,6 +69,7 @@ def place(
     longest: str | float = 0.0,
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
+    criteria: "Criteria | str | Path | None" = None,
     validate: EstimatorName | Mapping[str, Sampled] | None = None,
     workers: int | None = None,
     store: str | Path | None = None,
@@ -111,6 +115,8 @@ def place(
         never more than `observe`.
     step, criterion
         As in `simulate`.
+    criteria
+        As in `clearing_time`: criteria of performance that every simulation must keep.
     validate : str or mapping, optional
         Other controllers to simulate the fleet with: the name of an estimator ("kalman"), or controllers by name.
     workers : int, optional
@@ -147,8 +153,9 @@ def place(
     acts = acting_in(control)
     others = other_controllers(validate, acts)
     search = Search.of(
-        case, resolution="0.125cyc", limit=LIMIT, observe=observe, step=step, criterion=criterion, longest=longest
-    )
+        case, resolution="0.125cyc", limit=LIMIT, observe=observe, step=step, criterion=criterion, longest=longest,
+        keeping=criteria,
+    )  # fmt: skip
     wanted = as_contingencies(case, contingencies)
     flow = powerflow.solve(case)
     possible = as_sites(operating_point.solve(case, flow), candidates, cap, costs, flow)
@@ -256,6 +263,7 @@ def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siti
         evidence=rows,
         history=tuple(planes.history),
         observed_s=study.search.observed_s,
+        criteria=study.search.criteria.title if study.search.criteria else "",
         simulations=trials.simulations,
         wall_s=time.perf_counter() - study.began,
         candidates=tuple(

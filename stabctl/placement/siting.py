@@ -62,6 +62,8 @@ class Siting(Tabular):
         Source of the required clearing times, as a sentence; empty if they were given.
     tolerance : float or None
         Share by which any one device alone may be smaller or larger, if that was required.
+    criteria : str
+        Title of the criteria that every run keeps; empty if there are none.
 
     Examples
     --------
@@ -93,6 +95,7 @@ class Siting(Tabular):
     law: str = ""
     targets: str = ""
     tolerance: float | None = None
+    criteria: str = ""
 
     plot = verb("stabctl.view.figures.siting:plot")
     report = verb("stabctl.view.pages.siting_page:write")
@@ -245,10 +248,11 @@ def remarks(siting: Siting) -> tuple[str, ...]:
         survived = counted(len(siting.contingencies), "scenario")
     if siting.infeasible:
         survived += f" of {len(siting.contingencies) + len(siting.infeasible)}"
+    kept = f" and judged by {siting.criteria}" if siting.criteria else ""
     first = (
         f"{siting.case}: {counted(len(siting.sites), 'site')} with {siting.total_mw:.1f} MW and "
-        f"{1e3 * siting.total_mwh:.0f} kWh survive {survived}, each observed {siting.observed_s:g} s after clearing "
-        f"({counted(siting.simulations, 'simulation')} in {siting.wall_s:.1f} s)."
+        f"{1e3 * siting.total_mwh:.0f} kWh survive {survived}, each observed {siting.observed_s:g} s after "
+        f"clearing{kept} ({counted(siting.simulations, 'simulation')} in {siting.wall_s:.1f} s)."
     )
     if siting.infeasible:
         left_out = "; ".join(one.label for one in siting.infeasible)

@@ -73,7 +73,7 @@ class Trajectory:
 
     plot = verb("stabctl.view.figures.trajectory:plot")
     report = verb("stabctl.view.pages.pattern:report")
-    judge = verb("stabctl.assessment.criteria:judge")
+    judge = verb("stabctl.judgment:judge")
 
     @cached_property
     def arrays(self) -> "Arrays":

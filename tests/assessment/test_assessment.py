@@ -3,6 +3,7 @@
 import json
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.assessment import study as study_function
+from stabctl.clearing import Severity
 from stabctl.view.pages import study_page
 
 study_module = sys.modules[study_function.__module__]
@@ -70,11 +72,12 @@ def test_it_is_told_while_parts_are_missing(base):
     parts, shares = [], []
     tell = {"each": parts.append, "progress": lambda *told: shares.append(told)}
     whole = base.study("8cyc", faults="lines", worst=1, **tell, **QUICK)
-    assert [(p.modes is not None, p.screen is not None, len(p.worst)) for p in parts] == [
-        (False, False, 0),
-        (True, False, 0),
-        (True, True, 0),
-        (True, True, 1),
+    assert [(p.modes is not None, len(p.ranking), p.screen is not None, len(p.worst)) for p in parts] == [
+        (False, 0, False, 0),
+        (True, 0, False, 0),
+        (True, 4, False, 0),
+        (True, 0, True, 0),
+        (True, 0, True, 1),
     ]
     assert [share for share, _ in shares] == sorted(share for share, _ in shares)
     assert whole.secure
@@ -177,6 +180,7 @@ def test_the_command(stabctl, tmp_path):
 def test_a_long_screen_tells_what_it_has(base, monkeypatch):
     """Partial studies have some contingencies, no verdict, and a page that says so; the last has all."""
     monkeypatch.setattr(study_module, "EVERY", 0.0)
+    monkeypatch.setattr(study_module, "AT_FIRST", ())
     parts = []
     whole = base.study("8cyc", faults="lines, buses", worst=0, each=parts.append, workers=1, **QUICK)
     counts = [len(p.screen.pairs) for p in parts if p.screen]
@@ -185,8 +189,35 @@ def test_a_long_screen_tells_what_it_has(base, monkeypatch):
     first = next(p for p in parts if p.screen)
     assert not first.complete
     assert "This page is not complete: contingencies are still computed" in study_page.page(first).html()
-    assert "screened so far" in str(first)
+    number = len(first.screen.pairs)
+    assert f"{number} contingencies screened so far (15 in all)" in str(first)
+    assert f"{number} of 15 contingencies are screened. Next come" in study_page.page(first).html()
     assert "not complete" not in study_page.page(whole).html()
+
+
+def test_before_the_screen_the_page_says_what_looks_worst(base):
+    parts = []
+    whole = base.study("8cyc", worst=0, each=parts.append, **QUICK)
+    (first,) = (p for p in parts if p.ranking and not p.screen)
+    html = study_page.page(first).html()
+    assert "0 of 15 contingencies are screened. Next come" in html
+    assert all(one.contingency.label in html and str(one) in html for one in first.ranking)
+    assert {one.contingency for one in first.ranking} == {m.found.contingency for m in whole.margins}
+    assert whole.margins[0].found.contingency in [one.contingency for one in first.ranking[:3]]
+    assert "Next come" not in study_page.page(whole).html()
+
+
+def test_pauses_between_partial_studies_become_longer(base, study, monkeypatch):
+    """Told with every result, a page is written after 2, 5, 10, 30 and 50 s."""
+    now, told = [0.0], []
+    monkeypatch.setattr(study_module, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    partly = study_module.Partly(replace(study, screen=None, worst=()), lambda _: told.append(now[0]))
+    ranking = [Severity(p.contingency, True, 2.0, 30.0) for p in study.screen.pairs]
+    partly.begin(ranking * 5)
+    for second in range(1, 61):
+        now[0] = float(second)
+        partly(study.screen.pairs[:1])
+    assert told == [0, 2, 5, 10, 30, 50]
 
 
 def test_the_worst_are_judged_by_criteria(base, tmp_path):

@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from stabctl.clearing import screen
+from stabctl.clearing.index import INDEX
 from stabctl.clearing.screen import PLACE
 from stabctl.jobs.store import rows
 
@@ -80,3 +81,14 @@ def test_a_lost_worker_and_a_lost_scheduler_change_no_row(points, cluster, tmp_p
     assert len({row["worker"] for row in kept}) >= 2
     again = screen(point, below=BELOW, store=tmp_path / "store")  # from the store, without a cluster
     assert again.rows() == alone.rows()
+
+
+@pytest.mark.slow
+def test_a_cluster_ranks_the_places_too(points, cluster, tmp_path):
+    point, told = points("ieee39"), []
+    how = {"below": BELOW, "ranking": told.append}
+    found = screen(point, **how, scheduler=cluster.address, store=tmp_path / "store")
+    here = screen(point, **how)
+    assert found.rows() == here.rows() == screen(point, below=BELOW).rows()
+    assert told[0] == told[1]
+    assert len(rows(tmp_path / "store" / "severity.db", INDEX)) == 27

@@ -72,14 +72,14 @@ def test_files_import_each_other_in_no_circle():
     assert circles() == []
 
 
-def test_packages_stand_on_ten_floors():
+def test_packages_stand_on_eleven_floors():
     """The floor of a package is one above the highest of those that it imports, for type checking only or not."""
     found = rooms()
 
     def floor(room):
         return 1 + max(map(floor, found[room]), default=0)
 
-    assert max(map(floor, found)) == 10
+    assert max(map(floor, found)) == 11
 
 
 def test_the_table_of_rooms_is_that_of_the_code():
@@ -109,5 +109,5 @@ def test_no_file_is_long_and_few_are_short():
 
 
 def test_a_file_is_more_than_two_pages_on_average():
-    assert len(FILES) <= 430
-    assert sum(len(path.read_text("utf-8").splitlines()) for path in FILES.values()) <= 68_100
+    assert len(FILES) <= 449
+    assert sum(len(path.read_text("utf-8").splitlines()) for path in FILES.values()) <= 70_900

@@ -82,6 +82,17 @@ def test_numbers_of_the_estimation_page_are_those_of_its_study(rows, given):
         assert any(len(n) == 8 and matches(cells, n) for n in shown), row
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ieee39", "ieee39, storage"])
+def test_a_screen_begins_with_its_worst_faults(name):
+    """All of the ten worst are among the first thirty, as the page says."""
+    module = script("screening_index", ROOT / "sims")
+    found = module.measured(*module.SYSTEMS[name])
+    assert found.by_index.found == found.by_index.worst >= 10
+    page = (ROOT / "docs" / "screening.md").read_text(encoding="utf-8")
+    assert " | ".join(("| " + name, *module.counts(found))) in page
+
+
 def matches(cells, numbers):
     """Whether the numbers are the rounded ones of the cells; large ones are whole numbers."""
     return all(abs(float(a) - b) <= (0.501 if b == int(b) else 0.0501) for a, b in zip(cells, numbers, strict=True))

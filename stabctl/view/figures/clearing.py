@@ -149,5 +149,7 @@ def _note(pair: ClearingTime) -> str:
     """Label of a bar."""
     if pair.status == "stable_at_limit":
         return "stable at the search limit"
+    if pair.limited_by == "criteria":
+        return pair.limit
     first = pair.limited_by or "" if pair.machine is None else f"machine {pair.machine}"
     return f"unstable without a fault {first}".rstrip() if pair.status == "unstable_at_zero" else first

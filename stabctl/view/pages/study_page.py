@@ -8,6 +8,7 @@ import numpy as np
 from stabctl._util.wording import number
 from stabctl.assessment import Study
 from stabctl.assessment.result import BAND, Margin
+from stabctl.clearing.index import CLEARED
 from stabctl.simulation.contingency import Contingency
 
 from ..figures import clearing, grid_strength, one_line
@@ -20,7 +21,9 @@ from .pattern import Page, Part, Section, Text, figure, table
 
 MOST = 500  # buses of a one-line diagram
 DRAWN = 3  # of the worst runs, whose curves are shown
+NEXT = 30  # contingencies that are shown before they are screened
 HEADS = "contingency", "opened to clear it", "critical (cycles)", "margin (cycles)", "limited by"
+FIRST_RUNS = "contingency", "a first run"
 RUNS = "contingency", "outcome", "largest change of angle (deg)", "lowest voltage after clearing (pu)", "what happens"
 VIOLATIONS = "contingency", "rule", "where", "value", "at (s)", "limit"
 MODES = "mode", "frequency (Hz)", "damping ratio (%)", "main participants"
@@ -85,6 +88,13 @@ def _numbers(study: Study) -> Iterator[tuple[str, str]]:
 
 
 def _contingencies(study: Study) -> Iterator[Part]:
+    done = {m.found.contingency for m in study.margins}
+    if left := [one for one in study.ranking if one.contingency not in done]:
+        note = (
+            f"{len(done)} of {len(study.ranking)} contingencies are screened. Next come those that look worst when "
+            f"each is simulated once, cleared after {CLEARED:g} s."
+        )
+        yield table(FIRST_RUNS, [(one.contingency.label, str(one)) for one in left[:NEXT]], note)
     if study.screen is None or not study.screen.pairs:
         return
     bars = clearing.plot_screen(study.screen)

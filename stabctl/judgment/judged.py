@@ -1,118 +1,27 @@
-"""Criteria of performance: how far and for how long voltages, frequencies and angles of a run may leave their ranges.
+"""How a run keeps criteria: spells beyond a level, recovery, separation of rotors, swings.
 
-Criteria are data, packaged ones or those of a TOML file. A violation says where, when, by how much, and of which limit.
-A value at its limit is allowed, and so is a time at its limit.
+A value at its limit is allowed, and so is a time at its limit. Between two recorded instants a value is linear.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
 
-from stabctl._util import toml_file
-from stabctl._util.errors import StudyError, shown
+from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular
 from stabctl._util.units import quantity, seconds
-from stabctl._util.wording import counted, near
+from stabctl._util.wording import counted
 from stabctl.simulation.trajectory import Trajectory
+
+from .criteria import Angle, Criteria, Frequency, Swings, Voltage, criteria
 
 if TYPE_CHECKING:
     import pandas as pd
 
 SLACK = 1e-9  # s   of a time that is rounding
-
-
-class _Rule(BaseModel):
-    """What all rules have."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-    name: str = Field(description='what the rule is called, such as "WR1.4"')
-
-
-class Voltage(_Rule):
-    """A [[voltage]] rule: no longer below (or above) a level than a time."""
-
-    below: float | None = Field(None, gt=0, le=2, description="a voltage in pu, above 0")
-    above: float | None = Field(None, gt=0, le=2, description="a voltage in pu, above 0")
-    of: Literal["nominal", "before"] = Field(
-        "nominal", description='"nominal", or "before": the voltage before the fault'
-    )
-    longest: str = Field("0s", description='a time such as "2s" or "30cyc"')
-    total: bool = Field(False, description="true, if the times below are added up, or false")
-    since: Literal["start", "clearing", "recovery"] = Field(
-        "start", description='"start", "clearing", or "recovery": the first time above `recovered` after clearing'
-    )
-    recovered: float | None = Field(None, gt=0, le=2, description="a voltage in pu, above 0")
-    recover: str | None = Field(None, description='the time from the fault within which the level is reached, "20s"')
-    buses: Literal["all", "loads", "machines"] = Field("all", description='"all", "loads" or "machines"')
-
-
-class Frequency(_Rule):
-    """A [[frequency]] rule: the speed of no machine longer below (or above) a frequency than a time."""
-
-    below: float | None = Field(None, gt=0, description="a frequency in Hz")
-    above: float | None = Field(None, gt=0, description="a frequency in Hz")
-    longest: str = Field("0s", description='a time such as "2s"')
-    total: bool = Field(False, description="true, if the times below are added up, or false")
-
-
-class Angle(_Rule):
-    """An [[angle]] rule: rotors of an island no farther apart."""
-
-    separation: str = Field(description='an angle such as "120deg"')
-
-
-class Swings(_Rule):
-    """A [[swings]] rule: the last swings of the run decay, or at least do not grow."""
-
-    must: Literal["decay", "not grow"] = Field(description='"decay" or "not grow"')
-
-
-MODELS: dict[str, Any] = {"voltage": Voltage, "frequency": Frequency, "angle": Angle, "swings": Swings}
-
-
-class _File(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-    title: str = Field(description="a text")
-    source: str = Field("", description="a text")
-    unverified: str = Field("", description="a text")
-    frequency_hz: float | None = Field(None, gt=0, description="the rated frequency for which the rules hold")
-    voltage: list[Any] = Field([], description="[[voltage]] rules")
-    frequency: list[Any] = Field([], description="[[frequency]] rules")
-    angle: list[Any] = Field([], description="[[angle]] rules")
-    swings: list[Any] = Field([], description="[[swings]] rules")
-
-
-@dataclass(frozen=True)
-class Criteria:
-    """Rules for the runs of a system.
-
-    Attributes
-    ----------
-    title, source, unverified
-        What they are, where they are from, and what of them could not be verified.
-    rules
-        The rules.
-    frequency_hz
-        Rated frequency of the systems for which they hold; None: any.
-
-    Examples
-    --------
-    >>> len(st.criteria("wecc-tpl-001").rules)
-    4
-    """
-
-    title: str
-    source: str
-    unverified: str
-    rules: tuple[Voltage | Frequency | Angle | Swings, ...]
-    frequency_hz: float | None = None
 
 
 class Violation(NamedTuple):
@@ -125,8 +34,13 @@ class Violation(NamedTuple):
     unit: str
     limit: str
 
+    @property
+    def label(self) -> str:
+        """Rule and place."""
+        return f"{self.rule}: {self.where}"
+
     def __str__(self) -> str:
-        return f"{self.rule}: {self.where}, {self.value:.4g} {self.unit} at {self.at_s:.3f} s; {self.limit}."
+        return f"{self.label}, {self.value:.4g} {self.unit} at {self.at_s:.3f} s; {self.limit}."
 
 
 @dataclass(frozen=True, repr=False)
@@ -174,73 +88,6 @@ class Judged(Tabular):
         return "\n".join([f"{self.title}: {said}.", *map(str, self.violations[:10]), *self.undecided[:5]])
 
 
-def packaged() -> tuple[str, ...]:
-    """Names of the packaged criteria."""
-    folder = resources.files("stabctl") / "assessment" / "rules"
-    return tuple(sorted(one.name.removesuffix(".toml") for one in folder.iterdir() if one.name.endswith(".toml")))
-
-
-def criteria(name: Criteria | str | Path) -> Criteria:
-    """Read criteria.
-
-    Parameters
-    ----------
-    name : Criteria, str or Path
-        Criteria, which are returned, packaged ones (wecc-tpl-001, nerc-prc-024, entso-e), or a TOML file.
-
-    Returns
-    -------
-    Criteria
-
-    Raises
-    ------
-    StudyError
-        If there is no such file, or for the first mistake in it, with its place.
-
-    Examples
-    --------
-    >>> st.criteria("nerc-prc-024").rules[0].name
-    'PRC-024-3, above 1.200 pu'
-    """
-    if isinstance(name, Criteria):
-        return name
-    if str(name) in packaged():
-        path = Path(str(resources.files("stabctl") / "assessment" / "rules" / f"{name}.toml"))
-    elif Path(name).suffix.lower() == ".toml":
-        path = Path(name)
-    else:
-        others = near(str(name), packaged(), "there are")
-        raise StudyError(f"There are no criteria {shown(str(name))}; {others} Or give a TOML file.")
-    found = toml_file.validated(_File, toml_file.read(path, "criteria file"), str(path))
-    rules: list[Any] = []
-    for kind, model in MODELS.items():
-        for k, row in enumerate(getattr(found, kind), start=1):
-            where = f"{path}, {kind} rule {k}"
-            rules.append(_checked(toml_file.validated(model, row, where), where))
-    if not rules:
-        raise StudyError(f"{path} has no rules; write [[voltage]], [[frequency]], [[angle]] or [[swings]].")
-    return Criteria(found.title, found.source, found.unverified, tuple(rules), found.frequency_hz)
-
-
-def _checked(rule: Any, where: str) -> Any:
-    """A rule whose limits make sense."""
-    if isinstance(rule, Voltage | Frequency) and (rule.below is None) == (rule.above is None):
-        raise StudyError(f"{where}: give either below or above.")
-    if isinstance(rule, Voltage) and (rule.since == "recovery") != (rule.recovered is not None):
-        raise StudyError(f'{where}: since = "recovery" and recovered belong together.')
-    if isinstance(rule, Voltage) and rule.recover is not None and rule.below is None:
-        raise StudyError(f"{where}: recover needs below, the level to be reached.")
-    try:
-        for text in (getattr(rule, "longest", None), getattr(rule, "recover", None)):
-            seconds(text or "0s", 60.0)
-        apart = quantity(rule.separation, "rad") if isinstance(rule, Angle) else 1.0
-    except StudyError as error:
-        raise StudyError(f"{where}: {error}") from None
-    if not apart > 0:
-        raise StudyError(f"{where}: the separation {rule.separation!r} is not above 0.")
-    return rule
-
-
 def judge(run: Trajectory, by: "Criteria | str | Path") -> Judged:
     """Judge a run by criteria.
 
@@ -269,10 +116,7 @@ def judge(run: Trajectory, by: "Criteria | str | Path") -> Judged:
     rules, case = criteria(by), run.point.case
     if len(run.time) < 2:
         raise StudyError("The run has no rows to judge: they were not recorded; leave out record=False.")
-    if rules.frequency_hz not in (None, case.frequency_hz):
-        raise StudyError(
-            f"{rules.title} is for {rules.frequency_hz:g} Hz, but {case.name} has {case.frequency_hz:g} Hz."
-        )
+    rules.check(case)
     found: list[Violation] = []
     undecided: list[str] = []
     seen = _Seen(run)
@@ -312,12 +156,13 @@ class _Seen:
 
     def _voltage(self, rule: Voltage) -> "Iterator[Violation | str]":
         case, size = self.run.point.case, self.run.values("voltage")
+        before = np.abs(self.run.point.V)
         wanted = {"loads": {x.bus for x in case.loads}, "machines": {m.storage_bus or m.bus for m in case.machines}}
         level, sign = _side(rule)
         for k, b in enumerate(case.buses):
-            if rule.buses != "all" and b.bus not in wanted[rule.buses]:
+            if not rule.concerns(b) or (rule.buses != "all" and b.bus not in wanted[rule.buses]):
                 continue
-            base = float(size[0, k]) if rule.of == "before" else 1.0
+            base = float(before[k]) if rule.of == "before" else 1.0
             unit = "of its initial value" if rule.of == "before" else "pu"
             told = f"{'below' if sign > 0 else 'above'} {level:g} {unit}"
             place = Place(f"bus {b.bus}", size[:, k], sign, level * base, "pu", told)
@@ -363,7 +208,10 @@ class _Seen:
         speeds = self.run.values("speed") * self.hz
         level, sign = _side(rule)
         told = f"{'below' if sign > 0 else 'above'} {level:g} Hz"
-        for k, name in enumerate(self.run.point.rotor_names):
+        case, point = self.run.point.case, self.run.point
+        for k, (name, unit) in enumerate(zip(point.rotor_names, point.rotors.unit, strict=True)):
+            if not rule.concerns(case.buses[case.row_of_bus[case.machines[unit].bus]]):
+                continue
             yield from self._spells(rule, Place(f"machine {name}", speeds[:, k], sign, level, "Hz", told), 0.0)
 
     def _spells(self, rule: Voltage | Frequency, place: "Place", start: float) -> "Iterator[Violation | str]":

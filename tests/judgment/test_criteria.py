@@ -8,7 +8,8 @@ import pytest
 
 import stabctl as st
 from stabctl._util.errors import StudyError
-from stabctl.assessment.criteria import packaged, spells
+from stabctl.judgment import packaged
+from stabctl.judgment.judged import spells
 
 BESIDE = 1e-6
 HEAD = 'title = "ours"\n'
@@ -88,7 +89,8 @@ def test_levels_and_times_are_judged_right_on_both_sides(run, tmp_path, seed):
 def test_recovery_and_what_comes_after_it(run, tmp_path, change, violated):
     recover = rules(tmp_path, '[[voltage]]\nname = "r"\nof = "before"\nbelow = 0.8\nrecover = "3s"\nbuses = "loads"\n')
     late = [(0.0, 1.0), (1.0, 1.0), (1.01, 0.3), (3.0, 0.3), (4.0 + change, 0.8), (5.0, 1.0)]
-    found = judged(with_voltage(run, 9, late), 9, recover)
+    before = abs(run.point.V[run.point.case.row_of_bus[9]])
+    found = judged(with_voltage(run, 9, [(t, v * before) for t, v in late]), 9, recover)
     assert bool(found) == violated
     assert not violated or found[0].at_s == pytest.approx(4.0)
     second = (
