@@ -177,6 +177,7 @@ def _stored(asked: Asked) -> Find:
             longest=how.longest_s,
             step=how.step,
             criterion=how.criterion,
+            criteria=how.criteria,
             **asked.running,
         )
         devices = *point.case.storage, *fleet.storage()

@@ -1,5 +1,6 @@
 """What would help a system, verified: a change, its cost, and what the same study finds before and after it."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -76,6 +77,12 @@ class Remedy:
         return self.after is not None and self.after.secure
 
     @property
+    def order(self) -> tuple[bool, float, float]:
+        """By which the best is the first: secure, few contingencies lost, cheap."""
+        lost = self.after.lost if self.after else math.inf
+        return not self.solves, lost, math.inf if self.cost is None else self.cost
+
+    @property
     def cost(self) -> float | None:
         """What it costs; None without a price, or if nothing was found."""
         return self.change.cost if self.change else None
@@ -95,16 +102,16 @@ class Remedy:
     def rows(self) -> list[tuple[str, str]]:
         """What changes, in words: contingencies not survived, smallest margin (cycles), least damping ratio, voltages.
 
-        Each is a name with `before to after`; a value that is not known is a dash.
+        Each is a name with `before to after`, or the value that stays the same; one that is not known is a dash.
         """
         states = [self.before, *([self.after] if self.after else [])]
         named = {
             "contingencies not survived": [f"{s.lost}" for s in states],
-            "smallest margin (cycles)": [_or_dash(s.margin_cycles, "+g") for s in states],
+            "smallest margin (cycles)": [_or_dash(s.margin_cycles, "g") for s in states],
             "least damping ratio": [_or_dash(s.damping_ratio, ".4f") for s in states],
             "voltages outside": [f"{s.voltages}" for s in states],
         }
-        return [(name, " to ".join(values)) for name, values in named.items()]
+        return [(name, " to ".join(dict.fromkeys(values))) for name, values in named.items()]
 
     def __str__(self) -> str:
         if self.change is None or self.after is None:

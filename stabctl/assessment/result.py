@@ -20,6 +20,7 @@ from stabctl.judgment import Criteria, Judged, judge
 from stabctl.model.powerflow import PowerFlow
 from stabctl.model.short_circuit import ShortCircuitRatio
 from stabctl.model.unusual import UnusualData
+from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control
 from stabctl.simulation.trajectory import Trajectory
 from stabctl.smallsignal import Modes
@@ -129,6 +130,33 @@ class Study(Tabular):
     def insecure(self) -> tuple[Margin, ...]:
         """The contingencies that are not survived with the required clearing time."""
         return tuple(m for m in self.margins if not m.secure)
+
+    def runs(self, count: int) -> list[tuple[Contingency, float]]:
+        """The contingencies with the smallest margins, cleared after the required time, and the end (s) of each run.
+
+        It is as long as a run of the screen; with criteria as long as the longest, since they may be for later times.
+
+        Parameters
+        ----------
+        count : int
+            Number of contingencies.
+
+        Returns
+        -------
+        list of tuple
+
+        Examples
+        --------
+        >>> study = st.study(st.load("two_area"), clear="10cyc", faults="lines", worst=0)
+        >>> [(contingency.label, round(until, 3)) for contingency, until in study.runs(2)]
+        [('7 trip 7-8', 6.167), ('9 trip 8-9', 6.167)]
+        """
+        if self.screen is None:
+            return []
+        case, search = self.point.case, self.screen.search
+        observed = max(search.observed_s, search.longest_s if search.criteria else 0.0)
+        every = [m.found.contingency.with_clear(m.required / case.frequency_hz) for m in self.margins[:count]]
+        return [(one, max(event.at for event in one.timed(case)) + observed) for one in every]
 
     @property
     def poorly_damped(self) -> tuple[int, ...]:

@@ -5,10 +5,11 @@ guarantees and of the damping to a wanted value. Every number is that of the sin
 """
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from stabctl._util.errors import StudyError
 from stabctl._util.units import cycles, quantity
@@ -89,7 +90,8 @@ def study(
     storage, control, criterion
         As in `simulate`; the modes are those without the control.
     criteria : Criteria, str or Path, optional
-        Criteria by which the simulated contingencies are judged: "wecc-tpl-001", "nerc-prc-024", "entso-e", or a file.
+        Criteria of performance that a run must keep to count as stable: "wecc-tpl-001", "nerc-prc-024", "entso-e", or a
+        file.
     remedies : str
         What might help if the system is not secure, each verified by the same study: "stabilizers", "storage",
         "redispatch", several of them, "all", or "none" (the default, as they take several times as long as the rest).
@@ -132,14 +134,43 @@ def study(
         )
     if prices is not None and not kinds(remedies):
         raise StudyError("Prices are those of remedies; give remedies='all', too, or leave them out.")
-    tell, asked, costs = progress or (lambda _share, _part: None), kinds(remedies), priced(prices)
-    search = {**search, "control": control, "criterion": criterion}
-    known = {name: search[name] for name in ("control", "criterion", "step") if search.get(name) is not None}
-    how = Settings(faults, control, None if criteria is None else named(criteria))
-    found = Study(point, wanted, case.check(), powerflow.solve(case), how)
+    asked, costs, rules = kinds(remedies), priced(prices), None if criteria is None else named(criteria)
+    running = {"workers": workers, "store": store, "scheduler": scheduler}
+    work = _Work(worst, {**search, "criterion": criterion}, running)
+    found = Study(point, wanted, case.check(), powerflow.solve(case), Settings(faults, control, rules))
 
-    def parts(now: Study, tell: Tell, each: Callable[[Study], None] | None = None) -> Iterator[Study]:
-        point, case, law = now.point, now.point.case, {"control": now.how.control}
+    def done(now: Study) -> Study:
+        now = replace(now, wall_s=time.perf_counter() - began)
+        if each:
+            each(now)
+        return now
+
+    tell, share, whole = progress or _nobody, ALONE if asked else 1.0, found
+    for part in work.parts(found, lambda done, part: tell(share * done, part), each):
+        whole = done(part)
+    chosen = applicable(whole, asked)
+    whole = replace(whole, how=whole.how._replace(remedies=chosen))
+    for k, kind in enumerate(chosen):
+        tell(share + (1 - share) * k / len(chosen), kind)
+        one = remedy(kind, Asked(whole, costs, partial(work.again, found), running))
+        whole = done(replace(whole, remedies=tuple(sorted((*whole.remedies, one), key=lambda one: one.order))))
+    return whole
+
+
+def _nobody(share: float, part: str) -> None:
+    """Nobody is told."""
+
+
+class _Work(NamedTuple):
+    """How the parts of a study are computed."""
+
+    worst: int
+    search: Mapping[str, Any]  # arguments of `screen`
+    running: Mapping[str, Any]  # workers, store and scheduler
+
+    def parts(self, now: Study, tell: Tell, each: Callable[[Study], None] | None = None) -> Iterator[Study]:
+        """The study after every part."""
+        point, case, how = now.point, now.point.case, now.how
         yield now
         tell(0.0, "modes")
         yield (now := replace(now, modes=modes(point, BAND)))
@@ -148,42 +179,25 @@ def study(
         partly = Partly(now, each) if each else None
         done = screen(
             point,
-            faults=faults,
-            workers=workers,
-            store=store,
-            scheduler=scheduler,
+            faults=how.faults,
+            control=how.control,
+            criteria=how.criteria,
             progress=lambda done, total: tell(SCREENED * done / total, "faults"),
             each=partly,
             ranking=partly.begin if partly else None,
-            **search | law,
+            **self.search,
+            **self.running,
         )
         yield (now := replace(now, screen=done))
-        every = (m.found.contingency.with_clear(m.required / case.frequency_hz) for m in now.margins[:worst])
-        timed = ((one, max(e.at for e in one.timed(case)) + done.search.observed_s) for one in every)
-        yield replace(now, worst=tuple(simulate(point, one, until, **known | law) for one, until in timed))
+        same: Any = {"control": how.control, "criterion": done.search.criterion, "step": done.search.step}
+        yield replace(now, worst=tuple(simulate(point, *one, **same) for one in now.runs(self.worst)))
 
-    def again(point: OperatingPoint, control: Control) -> Study:
-        changed = Study(point, wanted, found.unusual, powerflow.solve(point.case), how._replace(control=control))
-        *_, last = parts(changed, lambda _share, _part: None)
+    def again(self, study: Study, point: OperatingPoint, control: Control) -> Study:
+        """The same study of a changed system."""
+        how = study.how._replace(control=control)
+        changed = Study(point, study.wanted, study.unusual, powerflow.solve(point.case), how)
+        *_, last = self.parts(changed, _nobody)
         return last
-
-    def done(now: Study) -> Study:
-        now = replace(now, wall_s=time.perf_counter() - began)
-        if each:
-            each(now)
-        return now
-
-    share, whole = ALONE if asked else 1.0, found
-    for part in parts(found, lambda done, part: tell(share * done, part), each):
-        whole = done(part)
-    chosen = applicable(whole, asked)
-    whole = replace(whole, how=how._replace(remedies=chosen))
-    running = {"workers": workers, "store": store, "scheduler": scheduler}
-    for k, kind in enumerate(chosen):
-        tell(share + (1 - share) * k / len(chosen), kind)
-        one = remedy(kind, Asked(whole, costs, again, running))
-        whole = done(replace(whole, remedies=(*whole.remedies, one)))
-    return whole
 
 
 class Partly:

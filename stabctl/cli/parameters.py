@@ -25,11 +25,12 @@ class Option(NamedTuple):
 
 
 class Argument(NamedTuple):
-    """An argument, optional if the parameter has a default."""
+    """An argument, optional if the parameter has a default; any number of them if it is a list."""
 
     metavar: str
     help: str
     known: Callable[[], list[str]] | None = None  # what a shell completes, beside files
+    defaults: Callable[[click.Context, Any], dict[str, Any]] | None = None  # values that it gives other parameters
 
 
 class Command(click.Command):
@@ -121,8 +122,21 @@ def _parameter(key: str, annotated: Any, default: Any) -> click.Parameter:
             item = click.shell_completion.CompletionItem
             return [item(begun, type="file"), *(item(n) for n in (about.known or list)() if n.startswith(begun))]
 
+        def others(context: click.Context, _parameter: click.Parameter, read: Any) -> Any:
+            if about.defaults:
+                context.default_map = about.defaults(context, read)
+            return read
+
+        many = {"nargs": -1, "required": False} if get_origin(hint) is list else given
         return click.Argument(
-            [key], type=_type(hint), metavar=about.metavar, help=about.help, shell_complete=shell, **given
+            [key],
+            type=_type(hint),
+            metavar=about.metavar,
+            help=about.help,
+            shell_complete=shell,
+            is_eager=about.defaults is not None,
+            callback=others,
+            **many,
         )
     flag, several = hint is bool, get_origin(hint) is list
 

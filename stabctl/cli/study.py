@@ -5,12 +5,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from . import groups, options, shared
 from .clearing import Contingencies, Subsystems, screened
-from .parameters import Option
+from .parameters import Argument, Option
+from .study_file import given
 
 if TYPE_CHECKING:
     from stabctl.assessment import Study
 
 INSECURE = 1  # exit code
+Files = Annotated[
+    list[Path],
+    Argument("[X.dyr] [STUDY.toml]", "The DYR file of x.raw; options of this command, such as clear.", None, given),
+]
 Clear = Annotated[
     str,
     Option("--clear", metavar="TIME", parser=options.time, help="Clearing time that protection guarantees, s or 6cyc."),
@@ -63,6 +68,7 @@ def study(
     out: Out = None,
     report: options.Report = None,
     case: groups.CaseOptions,
+    files: Files,
     as_json: options.Json = False,
 ) -> int:
     """Study the stability of a system. The exit code is 1 if it is not secure."""

@@ -15,6 +15,7 @@ from .trials import Trials
 
 BUDGET = 0.5  # of the uniform fleet, for the linear allocation
 FINE = 1e-3  # relative width of the last scaling of the uniform fleet
+SHOWN = 3  # contingencies that a message names
 
 
 class BoundaryFleet(NamedTuple):
@@ -35,7 +36,9 @@ def feasible(trials: Trials, uniform: np.ndarray) -> tuple[Trials, list[Boundary
     kept = [k for k, one in enumerate(found) if one is not None]
     infeasible = tuple(_infeasible(trials, k) for k in range(len(found)) if found[k] is None)
     if not kept:
-        listed = " ".join(map(str, infeasible))
+        listed = " ".join(map(str, infeasible[:SHOWN]))
+        more = len(infeasible) - SHOWN
+        listed += f" So it is with {more} more." if more > 0 else ""
         raise StudyError(
             f"No fleet within the caps survives any of the contingencies. {listed} Raise the caps or shorten the "
             "clearing times."

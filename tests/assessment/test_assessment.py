@@ -221,13 +221,17 @@ def test_pauses_between_partial_studies_become_longer(base, study, monkeypatch):
 
 
 def test_the_worst_are_judged_by_criteria(base, tmp_path):
-    """A study whose worst run violates a rule is not secure, and says what, where and when."""
+    """A study is not secure if a rule is violated, and says what, where and when; its clearing times keep the rule."""
     path = tmp_path / "own.toml"
     path.write_text('title = "ours"\n[[voltage]]\nname = "dip"\nbelow = 0.9\nsince = "clearing"\n')
     given = {"clear": "5cyc", "faults": "lines", "worst": 2} | QUICK
     plain, strict = base.study(**given), base.study(**given, criteria=path)
     assert plain.secure
     assert not strict.secure
+    screened = base.screen(faults="lines", criteria=path, **QUICK)
+    assert {(p.contingency, p.cycles, p.limit) for p in strict.screen.pairs} == {
+        (p.contingency, p.cycles, p.limit) for p in screened.pairs
+    }
     assert [one.violations for one in strict.judged] == [run.judge(path).violations for run in strict.worst]
     assert "ours, by the 2 contingencies simulated: violated by 2; the first, dip: bus" in str(strict)
     assert set(strict.tables()["violations"]["contingency"]) == {m.found.contingency.label for m in strict.margins[:2]}

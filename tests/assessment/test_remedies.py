@@ -211,7 +211,7 @@ def test_the_page_and_the_workbook_have_them(study, tmp_path):
     for r in study.remedies:
         assert r.change.words in page
         assert r.price in page
-        assert f"<td>{r.before.margin_cycles:+g} to {r.after.margin_cycles:+g}</td>" in page
+        assert f"<td>{r.before.margin_cycles:g} to {r.after.margin_cycles:g}</td>" in page
     book = openpyxl.load_workbook(study.save(tmp_path / "all.xlsx"))
     head, *rows = book["remedies"].values
     assert [dict(zip(head, row, strict=True))["cost"] for row in rows] == pytest.approx(

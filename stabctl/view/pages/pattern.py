@@ -43,12 +43,16 @@ class Figure(NamedTuple):
 
 
 class Table(NamedTuple):
-    """A table: heads, rows of text or markup, and a note below it. A row whose class is given is set apart."""
+    """A table: heads, rows of text or markup, and a note below it. A row whose class is given is set apart.
+
+    A table that is folded shows this text, until it is opened.
+    """
 
     heads: Sequence[str]
     rows: Sequence[Sequence[str]]
     note: str = ""
     classes: Sequence[str] = ()
+    folded: str = ""
     kind: str = "table"
 
     @property

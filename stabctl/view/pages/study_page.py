@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stabctl._util.wording import number
+from stabctl._util.wording import counted, number
 from stabctl.assessment import Study
 from stabctl.assessment.result import BAND, Margin
 from stabctl.clearing.index import CLEARED
@@ -23,6 +23,7 @@ from .pattern import Page, Part, Section, Text, figure, table
 MOST = 500  # buses of a one-line diagram
 DRAWN = 3  # of the worst runs, whose curves are shown
 NEXT = 30  # contingencies that are shown before they are screened
+FIRST = 25  # contingencies that are shown with their margins; the others are folded
 HEADS = "contingency", "opened to clear it", "critical (cycles)", "margin (cycles)", "limited by"
 FIRST_RUNS = "contingency", "a first run"
 RUNS = "contingency", "outcome", "largest change of angle (deg)", "lowest voltage after clearing (pu)", "what happens"
@@ -45,9 +46,9 @@ def page(study: Study) -> Page:
         [(verdict, f"with a clearing time of {study.wanted.cycles:g} cycles"), *_numbers(study)],
         [
             Section("Contingencies", list(_contingencies(study))),
+            Section("What would help", list(_remedies(study))),
             Section("The worst contingencies", list(_worst(study))),
             Section("Oscillations", list(_modes(study))),
-            Section("What would help", list(_remedies(study))),
             Section("Grid strength at converters", list(_ratios(study))),
             Section("Operating point", list(_operating_point(study))),
             Section("Unusual data", [Text(sentence) for sentence in study.unusual.sentences()]),
@@ -119,8 +120,11 @@ def _contingencies(study: Study) -> Iterator[Part]:
         f"Margin: critical clearing time minus the {study.wanted.cycles:g} cycles guaranteed, or the contingency's own "
         "clearing time. In red: not survived."
     )
-    rows = [_row(m) for m in study.margins]
-    yield table(HEADS, rows, note, classes=["" if m.secure else "unstable" for m in study.margins])
+    rows, classes = [_row(m) for m in study.margins], ["" if m.secure else "unstable" for m in study.margins]
+    yield table(HEADS, rows[:FIRST], note, classes=classes[:FIRST])
+    if (rest := len(rows) - FIRST) > 0:
+        others = table(HEADS, rows[FIRST:], classes=classes[FIRST:])
+        yield others._replace(folded=f"The other {counted(rest, 'contingency')}, with larger margins")
 
 
 def _row(m: Margin) -> tuple[str, ...]:
@@ -231,14 +235,15 @@ def _lines(study: Study) -> Iterator[Part]:
     """The lines of Python that compute the numbers again."""
     name = study.point.case.name
     faults = repr(study.how.faults) if isinstance(study.how.faults, str) else "..."
+    law = ", control=..." if study.how.control else ""
     every = [
         f'base = st.load("{name}").initialize()',
         "base.power_flow(); base.case.check()",
         f"base.modes(({BAND[0]:g}, {BAND[1]:g}))",
-        f"base.screen(faults={faults})",
+        f"base.screen(faults={faults}{law})",
     ]
-    for m in study.margins[: len(study.worst)]:
-        every.append(f"base.simulate({_written(m.found.contingency, m.required)})")
+    for m, (_, until) in zip(study.margins, study.runs(len(study.worst)), strict=False):
+        every.append(f"base.simulate({_written(m.found.contingency, m.required)}, until={until:.6g}{law})")
     for change in (r.change for r in study.remedies if r.change):
         law = ", control=st.BangBang()" if change.control == [BangBang()] else ", control=..." if change.control else ""
         every.append(f"changed = base.case.{change.code}.initialize()  # {change.words}")

@@ -165,6 +165,10 @@ def test_everything_works_with_the_keyboard(page):
         page.keyboard.press("Enter")
         assert page.evaluate("live.state.fault") == "7-8@0.5"
         assert f"There is no bus or line {wrong}" in page.locator("#verdict").inner_text()
+    answers = page.evaluate("live.answers")
+    page.evaluate("change({ clear: 7 }); controls.search('77')")
+    until(page, f"live.answers > {answers}")
+    assert "There is no bus or line 77" in page.locator("#verdict").inner_text(), "the answer came later"
     page.focus("#tab-modes")
     page.keyboard.press("Enter")
     until(page, "!!modes.found")

@@ -84,6 +84,7 @@ const controls = {
     const line = live.case.branches.find((b) => plain(b[0]) === plain(what));
     if (bus) return this.fault(bus[0]);
     if (line && (along === undefined || (+along >= 0 && +along <= 1))) return this.fault(`${line[0]}@${along ?? 0.5}`);
+    live.mistyped = true; // an answer that comes later does not replace this
     verdict(`There is no bus or line ${wanted} in ${live.case.name}; write 83, 7-8, or 7-8@0.4 for a point of a line.`, "wrong");
   },
 
@@ -141,6 +142,7 @@ const controls = {
 };
 
 function change(settings) { // a change of the state by the user
+  live.mistyped = false;
   Object.assign(live.state, settings);
   if (!stored(live.state)) live.state.signals = live.state.signals.filter((s) => s !== "storage");
   if (!live.state.signals.length) live.state.signals = ["speed"];

@@ -106,7 +106,7 @@ function answered(buffer) {
   live.answers++;
   time.compared();
   const { stable, message } = run.head.runs[""], other = run.head.runs["bare."];
-  verdict(message + (other ? ` Without storage: ${other.message}` : ""), stable ? "good" : "bad");
+  if (!live.mistyped) verdict(message + (other ? ` Without storage: ${other.message}` : ""), stable ? "good" : "bad");
   copyable();
   if (live.view === "time") time.draw();
   diagram.show(live.playing ? 0 : null);
