@@ -20,6 +20,7 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control
 from stabctl.simulation.trajectory import Trajectory
 
+TINY = 1e-9  # MW
 STEP = 0.01  # of the power of the critical machines, of which a shift is a multiple
 
 
@@ -30,6 +31,15 @@ class Shift(NamedTuple):
     values: dict[str, float]  # MW   of every machine that changes, by its path in the case
     mw: float
     words: str
+    unsolved: tuple[str, ...] = ()  # labels of contingencies that no shift was found for
+
+
+class _Lost(NamedTuple):
+    """A contingency that is to be survived."""
+
+    contingency: Contingency
+    cleared: int  # point of the grid
+    ahead: np.ndarray  # (rotor units) which are ahead when synchronism is lost
 
 
 def redispatch(
@@ -40,17 +50,20 @@ def redispatch(
     control: Control = None,
     tried: Sequence[OperatingPoint] = (),
 ) -> Shift:
-    """The smallest shift with which a system survives contingencies, in steps of 1 % of the power of the group.
+    """The smallest shift with which a system survives contingencies, in steps of 1 % of the power of each group.
 
-    The critical machines give up power in proportion to what they produce. The others of their island take it in
-    proportion to what is left of their rating, if they produce power themselves.
+    The machines that run ahead in a contingency are a group, and so are those of several that have machines in common.
+    The members of a group give up power in proportion to what they produce. The others of their island take it in
+    proportion to what is left of their rating, if they produce power themselves. First all groups give up the same
+    share, the smallest that is enough; then each one as little as is enough with the others as they are.
 
     Parameters
     ----------
     point : OperatingPoint
         The system.
     lost : sequence of Contingency
-        Contingencies with the clearing times that are to be survived, the worst first.
+        Contingencies with the clearing times that are to be survived, the worst first. Those for which no shift is
+        enough are left out, and named.
     search : Search
         Grid, observation and criterion by which a run is judged.
     control : Control
@@ -70,31 +83,53 @@ def redispatch(
     hz, grid = point.case.frequency_hz, search.resolution_cycles
     wanted = [(one, round(cycles(one.clear or 0.0, hz) / grid)) for one in lost]
 
-    def ahead(there: OperatingPoint) -> list[np.ndarray]:
-        """Which rotors are ahead when synchronism is lost, in each of the contingencies."""
-        return [_ahead(Trial(there, one, control, search).simulate(k, record="rotors")) for one, k in wanted]
+    def ahead(there: OperatingPoint, one: Contingency, k: int) -> np.ndarray:
+        return _ahead(Trial(there, one, control, search).simulate(k, record="rotors"))
 
-    sides = ahead(point)
-    later = [side for other in tried for side in ahead(other)]
-    room = _Room.of(point, np.logical_or.reduce(sides), np.logical_or.reduce([*sides, *later]))
+    def survived(shift: Shift | None, one: _Lost) -> bool:
+        return shift is not None and Trial(shift.point, one.contingency, control, search).attempt(one.cleared).stable
 
-    def survives(steps: int) -> bool:
-        new = room.shift(steps * STEP)
-        return new is not None and all(Trial(new.point, one, control, search).attempt(k).stable for one, k in wanted)
+    every = [_Lost(one, k, ahead(point, one, k)) for one, k in wanted]
+    later = [ahead(other, one, k) for other in tried for one, k in wanted]
+    if not any(one.ahead.any() for one in every):
+        raise StudyError("No group of machines loses synchronism in them, so no power can be shifted from it.")
+    left = [one for one in every if _can_shift(point, one.ahead)]
+    if not left:
+        raise StudyError(f"No other machine can take the power that {_called(point, every[0].ahead)} would give up.")
+    while left:
+        room = _Room.of(point, [one.ahead for one in left], later)
+        steps = _smallest(room, lambda shift, left=left: all(survived(shift, one) for one in left))  # type: ignore[misc]
+        found = room.shift(steps) if steps else None
+        if found:
+            kept = [one.contingency for one in left]
+            return found._replace(unsolved=tuple(one.label for one in lost if one not in kept))
+        most, who = room.shift([room.last] * len(room.power)), enumerated("machine", room.group)
+        said = f"No other machine can take the power that {who} would give up."
+        if most and room.last:
+            said = (
+                f"Less power at {who} is not enough, up to {most.mw:.4g} MW, beyond which they produce no power, the "
+                "ratings of the others are exceeded, or there is no operating point."
+            )
+        left = [one for one in left if survived(most, one)]
+    raise StudyError(said)
 
-    low, high, last = 0, 1, int(room.most / STEP + 1e-9)
-    if last and not room.shift(last * STEP):
-        last = _first(0, last, lambda steps: room.shift(steps * STEP) is None) - 1
-    while high <= last and not survives(high):
-        low, high = high, max(min(2 * high, last), high + 1)
-    best = room.shift(_first(low, high, survives) * STEP) if high <= last else None
-    if best is None:
-        most = last * STEP * room.power.sum()
-        raise StudyError(
-            f"Less power at {enumerated('machine', room.group)} is not enough, up to {most:.4g} MW, beyond which they "
-            "produce no power, the ratings of the others are exceeded, or there is no operating point."
-        )
-    return best
+
+def _smallest(room: "_Room", enough: Callable[[Shift | None], bool]) -> list[int] | None:
+    """The steps of every group: the fewest that are enough for all alike, then for each; None if none are."""
+    groups = len(room.power)
+    low, high = 0, 1
+    while high <= room.last and not enough(room.shift([high] * groups)):
+        low, high = high, max(min(2 * high, room.last), high + 1)
+    if high > room.last:
+        return None
+    steps = [_first(low, high, lambda n: enough(room.shift([n] * groups)))] * groups
+    for g in range(groups if groups > 1 else 0):
+
+        def alone(n: int, g: int = g) -> bool:
+            return enough(room.shift([*steps[:g], n, *steps[g + 1 :]]))
+
+        steps[g] = _first(-1, steps[g], alone)
+    return steps
 
 
 def _first(low: int, high: int, holds: Callable[[int], bool]) -> int:
@@ -105,38 +140,57 @@ def _first(low: int, high: int, holds: Callable[[int], bool]) -> int:
     return high
 
 
+def _can_shift(point: OperatingPoint, ahead: np.ndarray) -> bool:
+    """Whether others can take a step of the power of the machines that are ahead."""
+    room = _Room.of(point, [ahead], []) if ahead.any() else None
+    return room is not None and bool((room.spare >= STEP * room.power).all() and room.power.all())
+
+
+def _called(point: OperatingPoint, rotors: np.ndarray) -> str:
+    """The machines of some rotors."""
+    return enumerated("machine", [name for name, of in zip(point.rotor_names, rotors, strict=True) if of])
+
+
 class _Room(NamedTuple):
     """Who gives up power, and who takes it."""
 
     point: OperatingPoint
     produced: np.ndarray  # (machines) MW
-    give: np.ndarray  # (islands, machines)   each one's share of what is given up in its island
-    take: np.ndarray  # (islands, machines)   and of what is taken
-    power: np.ndarray  # (islands) MW   of the critical machines
-    spare: np.ndarray  # (islands) MW   of the others
+    give: np.ndarray  # (groups, machines)   each one's share of what is given up
+    take: np.ndarray  # (groups, machines)   and of what is taken
+    power: np.ndarray  # (groups) MW   of the critical machines
+    spare: np.ndarray  # (groups) MW   of those that take power
 
     @classmethod
-    def of(cls, point: OperatingPoint, ahead: np.ndarray, barred: np.ndarray) -> "_Room":
-        """Of the rotors that are ahead, and those that take no power, which they are among (rotor units)."""
+    def of(cls, point: OperatingPoint, ahead: Sequence[np.ndarray], later: Sequence[np.ndarray]) -> "_Room":
+        """Of the rotors that are ahead in each contingency, and those that are so in another dispatch (rotor units)."""
         case, rotors = point.case, point.rotors.unit
-        if not ahead.any():
-            raise StudyError("No group of machines loses synchronism in them, so no power can be shifted from it.")
         produced = point.flow.S.real * case.base_mva
         spare = np.maximum([m.base for m in case.machines] - produced, 0.0)
         P, rest = np.maximum(produced[rotors], 0.0), np.where(produced[rotors] > 0, spare[rotors], 0.0)
-        inside = np.array([point.rotor_island == k for k in np.unique(point.rotor_island[ahead])])
-        give, take = np.zeros((2, len(inside), len(produced)))
-        give[:, rotors], take[:, rotors] = inside * ahead * P, inside * ~barred * rest
+        groups, barred = np.array(_joined(ahead)), np.logical_or.reduce([*ahead, *later])
+        inside = point.rotor_island == point.rotor_island[groups.argmax(axis=1)][:, None]
+        give, take = np.zeros((2, len(groups), len(produced)))
+        give[:, rotors], take[:, rotors] = groups * P, inside * ~barred * rest
         power, room = give.sum(axis=1), take.sum(axis=1)
-        if not (power.all() and room.all()):
-            group = [name for name, of in zip(point.rotor_names, ahead, strict=True) if of]
-            raise StudyError(f"No other machine can take the power that {enumerated('machine', group)} would give up.")
-        return cls(point, produced, give / power[:, None], take / room[:, None], power, room)
+        return cls(
+            point,
+            produced,
+            give / np.maximum(power, TINY)[:, None],
+            take / np.maximum(room, TINY)[:, None],
+            power,
+            room,
+        )
 
     @property
-    def most(self) -> float:
-        """Largest share of their power that they can give up."""
-        return float(min(1.0, *(self.spare / self.power)))
+    def last(self) -> int:
+        """The most steps that all groups can give up; 0 if there are none."""
+        groups, most = len(self.power), round(1 / STEP)
+        if not self.spare.all():
+            return 0
+        if self.shift([most] * groups):
+            return most
+        return _first(0, most, lambda n: self.shift([n] * groups) is None) - 1
 
     @property
     def group(self) -> list[int | str]:
@@ -146,20 +200,38 @@ class _Room(NamedTuple):
     def _named(self, which: np.ndarray) -> list[int | str]:
         return [m.called for m, of in zip(self.point.case.machines, which, strict=True) if of]
 
-    def shift(self, share: float) -> Shift | None:
-        """The system in which the critical machines give up a share of their power; None without an equilibrium."""
-        given = share * self.power
+    def shift(self, steps: Sequence[int]) -> Shift | None:
+        """The system in which every group gives up so many steps of its power; None if that is not possible."""
+        given = STEP * np.array(steps) * self.power
         now = self.produced + given @ (self.take - self.give)
-        case, total = self.point.case, float(given.sum())
-        fewer, more = (each.sum(axis=0) > 0 for each in (self.give, self.take))
+        case = self.point.case
+        least, most = np.minimum(self.produced, 0.0), np.maximum(self.produced, [m.base for m in case.machines])
+        if ((now < least - 1e-9) | (now > most + 1e-9)).any():
+            return None
+        moved = given > 0
+        fewer, more = ((each[moved].sum(axis=0) > 0) for each in (self.give, self.take))
         rows = zip(case.machines, now.tolist(), fewer | more, strict=True)
         values = {f"machines.{m.machine}.p": round(mw, 6) for m, mw, of in rows if of}
-        less, to = (enumerated("machine", self._named(which)) for which in (fewer, more))
-        words = f"{total:.4g} MW less at {less}; {total:.4g} MW more at {to}"
+        less = [
+            f"{mw:.4g} MW less at {enumerated('machine', self._named(give > 0))}"
+            for mw, give in zip(given, self.give, strict=True)
+            if mw
+        ]
+        words = "; ".join([*less, f"{given.sum():.4g} MW more at {enumerated('machine', self._named(more))}"])
         try:
-            return Shift(operating_point(case.set(values)), values, total, words)
+            return Shift(operating_point(case.set(values)), values, float(given.sum()), words)
         except (PowerFlowError, EquilibriumError):
             return None
+
+
+def _joined(sides: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Groups of rotors: those of contingencies that have any in common are one."""
+    groups: list[np.ndarray] = []
+    for side in sides:
+        near = [group for group in groups if (group & side).any()]
+        groups = [group for group in groups if not (group & side).any()]
+        groups.append(np.logical_or.reduce([side, *near]))
+    return groups
 
 
 def _ahead(run: Trajectory) -> np.ndarray:

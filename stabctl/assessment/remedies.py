@@ -205,7 +205,8 @@ def _shifted(asked: Asked) -> Find:
         found = redispatch(study.point, wanted, study.screen.search, control=study.how.control, tried=tried)
         tried.append(found.point)
         cost = _times(asked.prices.redispatch_mwh, found.mw * asked.prices.hours)
-        return Change(found.words, found.point, study.how.control, f"set({found.values})", found.mw, cost)
+        law = study.how.control
+        return Change(found.words, found.point, law, f"set({found.values})", found.mw, cost, found.unsolved)
 
     return find
 

@@ -275,15 +275,17 @@ class Study(Tabular):
             own = ", or their own" * any(m.required != wanted.cycles for m in self.margins)
             if lost:
                 first, be = lost[0].found, "is" if len(lost) == 1 else "are"
+                when = f"critical after {_cycles(critical(first))}"
+                when = "also if cleared at once" if first.status == "unstable_at_zero" else when
                 said.append(
-                    f"{case}: {len(lost)} of {number} {be} not survived with a clearing time of {wanted.cycles:g} "
-                    f"cycles{own}. The worst is {first.contingency.label}, critical after {critical(first):g} cycles, "
-                    f"limited by {first.limit}."
+                    f"{case}: {len(lost)} of {number} {be} not survived with a clearing time of "
+                    f"{_cycles(wanted.cycles)}{own}. The worst is {first.contingency.label}, {when}, limited by "
+                    f"{first.limit}."
                 )
             else:
                 margin = min((m.cycles for m in self.margins), default=None)
-                least = f"; the smallest margin is {margin:g} cycles" if margin is not None else ""
-                said.append(f"{case}: all of {number} are survived with {wanted.cycles:g} cycles{own}{least}.")
+                least = f"; the smallest margin is {_cycles(margin)}" if margin is not None else ""
+                said.append(f"{case}: all of {number} are survived with {_cycles(wanted.cycles)}{own}{least}.")
         if self.modes is not None:
             worst = self.modes.least_damped()
             if few := self.poorly_damped:
@@ -324,6 +326,10 @@ class Settings(NamedTuple):
     control: Control
     criteria: Criteria | None = None
     remedies: tuple[str, ...] = ()  # that are looked for
+
+
+def _cycles(number: float) -> str:
+    return f"{number:g} cycle{'s' * (number != 1)}"
 
 
 def critical(found: ClearingTime) -> float:

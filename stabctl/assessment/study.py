@@ -57,7 +57,7 @@ def study(
     control: Control = None,
     criterion: Criterion = DEFAULT,
     criteria: Criteria | str | Path | None = None,
-    remedies: str = "none",
+    remedies: str = "all",
     prices: Prices | str | Path | None = None,
     workers: int | None = None,
     store: str | Path | None = None,
@@ -94,7 +94,7 @@ def study(
         file.
     remedies : str
         What might help if the system is not secure, each verified by the same study: "stabilizers", "storage",
-        "redispatch", several of them, "all", or "none" (the default, as they take several times as long as the rest).
+        "redispatch", several of them, "all" (the default), or "none". They take several times as long as the rest.
     prices : Prices, str or Path, optional
         Prices of which the costs of the remedies are made, or a TOML file with them.
     workers, store, scheduler
@@ -133,7 +133,7 @@ def study(
             "second from 0 to 1, and the third a range."
         )
     if prices is not None and not kinds(remedies):
-        raise StudyError("Prices are those of remedies; give remedies='all', too, or leave them out.")
+        raise StudyError("Prices are those of remedies; leave out remedies, or the prices.")
     asked, costs, rules = kinds(remedies), priced(prices), None if criteria is None else named(criteria)
     running = {"workers": workers, "store": store, "scheduler": scheduler}
     work = _Work(worst, {**search, "criterion": criterion}, running)

@@ -37,7 +37,7 @@ Remedies = Annotated[
     str,
     Option(
         "--remedies",
-        help="What might help, if the system is not secure: stabilizers,storage,redispatch, or all.",
+        help="What might help, if the system is not secure: stabilizers,storage,redispatch, all, or none.",
     ),
 ]
 Prices = Annotated[Path | None, Option("--prices", help="FILE.toml with [prices], for the costs of --remedies.")]
@@ -54,7 +54,7 @@ def study(
     monitored: Monitored = None,
     worst: Worst = 10,
     by: options.Criteria = None,
-    remedies: Remedies = "none",
+    remedies: Remedies = "all",
     prices: Prices = None,
     search: groups.SearchOptions,
     control: options.Control = None,

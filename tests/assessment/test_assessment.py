@@ -25,7 +25,7 @@ def base():
 
 @pytest.fixture(scope="module")
 def study(base):
-    return base.study("10cyc", worst=2, **QUICK)
+    return base.study("10cyc", worst=2, remedies="none", **QUICK)
 
 
 def test_every_part_is_that_of_the_single_study(base, study):
@@ -154,8 +154,8 @@ def test_an_interrupted_study_goes_on(base, study, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        base.study("10cyc", worst=2, store=tmp_path, progress=stop, workers=1, **QUICK)
-    again = base.study("10cyc", worst=2, store=tmp_path, **QUICK)
+        base.study("10cyc", worst=2, remedies="none", store=tmp_path, progress=stop, workers=1, **QUICK)
+    again = base.study("10cyc", worst=2, remedies="none", store=tmp_path, **QUICK)
     assert again.remarks() == study.remarks()
     assert again.df.equals(study.df)
 
@@ -224,7 +224,7 @@ def test_the_worst_are_judged_by_criteria(base, tmp_path):
     """A study is not secure if a rule is violated, and says what, where and when; its clearing times keep the rule."""
     path = tmp_path / "own.toml"
     path.write_text('title = "ours"\n[[voltage]]\nname = "dip"\nbelow = 0.9\nsince = "clearing"\n')
-    given = {"clear": "5cyc", "faults": "lines", "worst": 2} | QUICK
+    given = {"clear": "5cyc", "faults": "lines", "worst": 2, "remedies": "none"} | QUICK
     plain, strict = base.study(**given), base.study(**given, criteria=path)
     assert plain.secure
     assert not strict.secure
