@@ -39,6 +39,7 @@ class _Lost(NamedTuple):
 
     contingency: Contingency
     cleared: int  # point of the grid
+    stable: bool  # already as it is, but maybe not with another dispatch
     ahead: np.ndarray  # (rotor units) which are ahead when synchronism is lost
 
 
@@ -83,21 +84,23 @@ def redispatch(
     hz, grid = point.case.frequency_hz, search.resolution_cycles
     wanted = [(one, round(cycles(one.clear or 0.0, hz) / grid)) for one in lost]
 
-    def ahead(there: OperatingPoint, one: Contingency, k: int) -> np.ndarray:
-        return _ahead(Trial(there, one, control, search).simulate(k, record="rotors"))
+    def simulated(there: OperatingPoint, one: Contingency, k: int) -> _Lost:
+        run = Trial(there, one, control, search).simulate(k, record="rotors")
+        return _Lost(one, k, run.outcome.stable, _ahead(run))
 
     def survived(shift: Shift | None, one: _Lost) -> bool:
         return shift is not None and Trial(shift.point, one.contingency, control, search).attempt(one.cleared).stable
 
-    every = [_Lost(one, k, ahead(point, one, k)) for one, k in wanted]
-    later = [ahead(other, one, k) for other in tried for one, k in wanted]
+    every = [simulated(point, *one) for one in wanted]
+    later = [simulated(other, *one).ahead for other in tried for one in wanted]
     if not any(one.ahead.any() for one in every):
         raise StudyError("No group of machines loses synchronism in them, so no power can be shifted from it.")
-    left = [one for one in every if _can_shift(point, one.ahead)]
-    if not left:
-        raise StudyError(f"No other machine can take the power that {_called(point, every[0].ahead)} would give up.")
-    while left:
-        room = _Room.of(point, [one.ahead for one in left], later)
+    left = [one for one in every if one.stable or _can_shift(point, one.ahead)]
+    if all(one.stable for one in left):
+        first = next(one.ahead for one in every if one.ahead.any())
+        raise StudyError(f"No other machine can take the power that {_called(point, first)} would give up.")
+    while not all(one.stable for one in left):
+        room = _Room.of(point, [one.ahead for one in left if not one.stable], later)
         steps = _smallest(room, lambda shift, left=left: all(survived(shift, one) for one in left))  # type: ignore[misc]
         found = room.shift(steps) if steps else None
         if found:
@@ -110,7 +113,9 @@ def redispatch(
                 f"Less power at {who} is not enough, up to {most.mw:.4g} MW, beyond which they produce no power, the "
                 "ratings of the others are exceeded, or there is no operating point."
             )
-        left = [one for one in left if survived(most, one)]
+        lasting = [one for one in left if not survived(most, one)]
+        without = [one for one in lasting if not one.stable] or lasting
+        left = [one for one in left if all(one is not other for other in without)]
     raise StudyError(said)
 
 

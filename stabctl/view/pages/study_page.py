@@ -184,11 +184,13 @@ def _modes(study: Study) -> Iterator[Part]:
 def _remedies(study: Study) -> Iterator[Part]:
     if not study.remedies:
         return
-    heads = *REMEDIES, *(name for name, _ in study.remedies[0].rows()), "secure"
+    same = all(r.after is None or r.after.voltages == r.before.voltages for r in study.remedies)
+    shown = [dict(r.rows()[:-1] if same else r.rows()) for r in study.remedies]  # voltages only if they change
+    heads = *REMEDIES, *shown[0], "secure"
     rows = []
-    for r in study.remedies:
+    for r, values in zip(study.remedies, shown, strict=True):
         change = r.change.words if r.change else r.verdict
-        rows.append((r.kind, change, r.price, *(values for _, values in r.rows()), "yes" if r.solves else "no"))
+        rows.append((r.kind, change, r.price, *values.values(), "yes" if r.solves else "no"))
     note = "Without the change to with it, by the same study of the changed system. Each is looked at alone."
     yield table(heads, rows, note)
     yield from (Text(f"{r.kind.capitalize()}: {r.remark}") for r in study.remedies if r.change and r.remark)
