@@ -237,3 +237,19 @@ def test_the_worst_are_judged_by_criteria(base, tmp_path):
     assert set(strict.tables()["violations"]["contingency"]) == {m.found.contingency.label for m in strict.margins[:2]}
     assert "Violations of ours." in study_page.page(strict).html()
     assert base.study(**given, criteria="wecc-tpl-001").secure
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "storage"), [("ieee39", None), ("ieee39", "5%mva"), ("wnaps", "5%mva")])
+def test_every_number_of_a_large_study_is_that_of_the_single_command(name, storage):
+    """With the usual settings; the study is told of while it runs, so its screen begins with the worst faults."""
+    base = st.load(name).initialize(storage=storage)
+    law = st.BangBang() if storage else None
+    study = base.study("5cyc", remedies="none", control=law, each=lambda _: None)
+    assert study.screen.rows() == base.screen(faults="lines, buses", control=law).rows()
+    assert np.array_equal(study.modes.eigenvalues, base.modes((0.1, 3.0)).eigenvalues)
+    for (contingency, until), run in zip(study.runs(10), study.worst, strict=True):
+        assert np.array_equal(base.simulate(contingency, until, control=law).rows, run.rows)
+    for margin in study.margins[:3]:
+        alone = base.clearing_time(margin.found.contingency, control=law)
+        assert (alone.cycles, alone.status) == (margin.found.cycles, margin.found.status)
