@@ -24,6 +24,7 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control
 from stabctl.simulation.trajectory import Trajectory
 from stabctl.smallsignal import Modes
+from stabctl.smallsignal.contributions import Contributions, contributions
 
 from .remedy import Remedy
 from .remedy import table as remedy_table
@@ -167,6 +168,29 @@ class Study(Tabular):
         inside = [k for k in self.modes.within(*BAND) if ratio[k] < self.wanted.damping]
         return tuple(sorted(inside, key=ratio.__getitem__))
 
+    def contributions(self, k: int) -> Contributions | None:
+        """What the controls contribute to a mode; None of an eigenvalue that coincides with another one.
+
+        Parameters
+        ----------
+        k : int
+            Index of the mode in `modes`.
+
+        Returns
+        -------
+        Contributions or None
+
+        Examples
+        --------
+        >>> study = st.study(st.load("two_area"), clear="6cyc", faults="lines", worst=0)
+        >>> study.contributions(study.modes.least_damped()[0]).damping[0].name
+        'PSS 4'
+        """
+        try:
+            return contributions(self.modes, k) if self.modes is not None else None
+        except StudyError:
+            return None
+
     @property
     def low_or_high(self) -> tuple[tuple[int, float], ...]:
         """Buses whose voltage (pu) is outside the normal range, the farthest first."""
@@ -291,7 +315,8 @@ class Study(Tabular):
             if few := self.poorly_damped:
                 said.append(
                     f"{counted(len(few), 'oscillation')} of {BAND[0]:g} to {BAND[1]:g} Hz with a damping ratio below "
-                    f"{wanted.damping:g}; the least damped: {_named(self.modes, few[0])}."
+                    f"{wanted.damping:g}; the least damped: {_named(self.modes, few[0])}"
+                    f"{_undamped(self.contributions(few[0]))}."
                 )
             elif worst:
                 said.append(
@@ -340,6 +365,12 @@ def critical(found: ClearingTime) -> float:
 def _named(found: Modes, k: int) -> str:
     """Frequency, damping ratio and name of a mode."""
     return f"{found.frequency_hz[k]:.3f} Hz, damping ratio {found.damping_ratio[k]:.4f} ({found.label(k)})"
+
+
+def _undamped(found: Contributions | None) -> str:
+    """The controls that take most damping from a mode, as the end of a sentence; empty if there are none."""
+    who = [one.name for one in found.undamping[:3]] if found else []
+    return f", undamped most by {', '.join(who)}" if who else ""
 
 
 def _workbook(tables: "dict[str, pd.DataFrame]") -> bytes:

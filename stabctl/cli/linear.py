@@ -53,7 +53,7 @@ Sparse = Annotated[
     ),
 ]
 Parameters = Annotated[
-    bool, Option("--sensitivity", help="How every parameter of the devices changes the least damped swing.")
+    bool, Option("--sensitivity", help="How controls and all parameters of devices change the least damped swing.")
 ]
 Opened = Annotated[list[str] | None, Option("--open", help="Circuit out of service: 7-8#2. Repeatable.")]
 
@@ -95,13 +95,16 @@ def modes(
         with shared.progress("modes", 1.0) as said:
             found = analyze(model, band if few else None, said=said)
     groups = areas(found, area_count) if found.swings() or area_count else None
-    effects = found.sensitivity() if sensitivity else None
+    effects, controls = (found.sensitivity(), found.contributions()) if sensitivity else (None, None)
     if as_json:
-        shared.print_json({"case": point.case.name} | _record(found) | (_effects(effects) if effects else {}))
+        more = _effects(effects) if effects else {}
+        more |= {"contributions": [row._asdict() for row in controls.rows]} if controls else {}
+        shared.print_json({"case": point.case.name} | _record(found) | more)
     else:
         _show(found, band, groups)
         if effects:
             _show_effects(effects)
+            shared.console().print(str(controls))
     if report:
         from stabctl.view.pages import modes_page
 

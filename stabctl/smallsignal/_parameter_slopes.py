@@ -77,7 +77,7 @@ class ParameterSlopes:
     def __init__(self, d: Descriptor, s: complex, v: np.ndarray, w: np.ndarray) -> None:
         self.point, self.equations = d.point, d.point.equations
         point, equations, pattern = d.point, d.point.equations, d.point.equations.pattern
-        left, self._of_bus, self._right = _vectors(d, s, v, w)
+        left, self._of_bus, self._right = vectors(d, s, v, w)
         self._weight = left[pattern.rows] * self._right[pattern.columns]
         constant = np.ones(pattern.total, bool)
         constant[d.rows], constant[point.layout.nx :] = False, False
@@ -88,7 +88,7 @@ class ParameterSlopes:
         self._newton = Newton(point.system, equations, point.flow.V, current, point.case.base_mva)
         first = np.cumsum([0, *(len(f.w) for f in equations.families)]).tolist()
         self._first = {f.name: k for f, k in zip(equations.families, first, strict=False)}
-        self.rows = {model: _rows(point, model) for model in point.case.devices}
+        self.rows = {model: rows_of(point, model) for model in point.case.devices}
         self._given = {f.name: f.k for f in equations.families}
         for name, rows in self.rows.items():
             self._given[name] = np.array([self._constants(name, key, {}) for key in rows], float)
@@ -246,7 +246,7 @@ def _flat(k: list[np.ndarray]) -> np.ndarray:
     return np.concatenate([np.zeros(0), *(one.ravel() for one in k)])
 
 
-def _rows(point: OperatingPoint, model: str) -> dict[naming.Key, int]:
+def rows_of(point: OperatingPoint, model: str) -> dict[naming.Key, int]:
     """Key of each device of a model -> its row in the system; a load has none if its model has no share of it."""
     case = point.case
     keys: Sequence[naming.Key] = list(case.devices[model])
@@ -273,7 +273,7 @@ def _units(point: OperatingPoint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return label[:count], label[:count][pattern.device], label[count:]
 
 
-def _vectors(d: Descriptor, s: complex, v: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def vectors(d: Descriptor, s: complex, v: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The left vector of the rows of the equations, that of the bus voltages (at their places), the right one."""
     lay, equations, parts = d.point.layout, d.point.equations, d.parts
     pattern, first = equations.pattern, lay.nx + lay.outputs

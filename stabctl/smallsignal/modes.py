@@ -125,6 +125,7 @@ class Modes:
 
     plot = verb("stabctl.view.figures.modes:plot_modes")
     sensitivity = verb("stabctl.smallsignal.sensitivity:sensitivity")
+    contributions = verb("stabctl.smallsignal.contributions:contributions")
 
     def __len__(self) -> int:
         return len(self.eigenvalues)
@@ -257,7 +258,7 @@ class Modes:
         """
         if not 0 <= low_hz <= high_hz:
             raise StudyError(
-                f"The band from {low_hz:g} to {high_hz:g} Hz is empty or negative; give the lower frequency first."
+                f"The band of {low_hz:g} to {high_hz:g} Hz is empty or negative; give the lower one first."
             )
         f = self.frequency_hz
         return [int(k) for k in np.flatnonzero((self.eigenvalues.imag > 0) & (f >= low_hz) & (f <= high_hz))]

@@ -168,9 +168,9 @@ def sensitivity(
     0   pss      4         K        0.00034
     1   pss      1         K        0.00033
     """
-    k = _index(modes, mode)
+    k = index(modes, mode)
     wanted = _wanted(modes.linear.point.case, parameters)
-    found = _slopes_of(modes, k)
+    found = ParameterSlopes(equations_of(modes), complex(modes.eigenvalues[k]), modes.right[:, k], modes.left[:, k])
     rows: list[Effect] = []
     left: list[LeftOut] = []
     for (model, name), keys in wanted.items():
@@ -181,7 +181,7 @@ def sensitivity(
     return Sensitivity(modes.linear.point.case.name, modes.mode(k), tuple(rows), tuple(left))
 
 
-def _index(modes: Modes, mode: Any) -> int:
+def index(modes: Modes, mode: Any) -> int:
     """Index of the mode, which must be simple and not zero."""
     if mode is None:
         k = min(modes.swings(), key=lambda k: modes.damping_ratio[k], default=-1)
@@ -247,8 +247,8 @@ def _texts(parameters: Any) -> list[str]:
     return given
 
 
-def _slopes_of(modes: Modes, k: int) -> ParameterSlopes:
-    """Mode k as a function of the parameters; signals that were added to the model are left out again."""
+def equations_of(modes: Modes) -> Descriptor:
+    """The linearized equations of modes; signals that were added to the model are left out again."""
     linear = modes.linear
     if isinstance(linear, ClosedLoop):
         raise StudyError(
@@ -258,7 +258,7 @@ def _slopes_of(modes: Modes, k: int) -> ParameterSlopes:
     d = linear if isinstance(linear, Descriptor) and point is linear.point else descriptor(point)
     if len(d.rows) != len(modes.right):
         raise StudyError("The model of these modes has states of added signals; take the modes of base.modes().")
-    return ParameterSlopes(d, complex(modes.eigenvalues[k]), modes.right[:, k], modes.left[:, k])
+    return d
 
 
 def _one_parameter(
@@ -270,24 +270,24 @@ def _one_parameter(
     f, case = fields(devices.models()[model].Par)[name], of.point.case
     whole, half = (of.slopes(model, name, keys, step) for step in (STEP, STEP / 2))
     for key in keys:
-        a, b, called = whole[key], half[key], _called(case, model, key)
+        a, b, place = whole[key], half[key], called(case, model, key)
         value = float(getattr(case.devices[model][key], name))
         step = 0.01 * value if value else 0.01
         if isinstance(a, str) or isinstance(b, str):
-            left.append(LeftOut(f"{model}.{called}.{name}", str(a if isinstance(a, str) else b)))
+            left.append(LeftOut(f"{model}.{place}.{name}", str(a if isinstance(a, str) else b)))
             continue
         ds = (4 * b.slope - a.slope) / 3 * step  # without the error of the second order
         bent = a.bend * abs(step) > BENT * abs(ds) + NOISE * abs(s)
         if bent and b.bend >= KINK * a.bend:
-            left.append(LeftOut(f"{model}.{called}.{name}", f"it has no derivative at {value:g}, a threshold"))
+            left.append(LeftOut(f"{model}.{place}.{name}", f"it has no derivative at {value:g}, a threshold"))
         elif f.unit == "s" and 0 <= value < SHORT and ds == 0:
-            left.append(LeftOut(f"{model}.{called}.{name}", f"{value:g} s bypasses its block"))
+            left.append(LeftOut(f"{model}.{place}.{name}", f"{value:g} s bypasses its block"))
         else:
-            rows.append(Effect(model, called, name, value, f.unit, step, *_changes(s, ds)))
+            rows.append(Effect(model, place, name, value, f.unit, step, *changes(s, ds)))
     return rows, left
 
 
-def _called(case: Case, model: str, key: naming.Key) -> naming.Key:
+def called(case: Case, model: str, key: naming.Key) -> naming.Key:
     """The key of a device with the name of its machine."""
     if devices.models()[model].role in ("load", "shunt"):
         return key
@@ -296,7 +296,7 @@ def _called(case: Case, model: str, key: naming.Key) -> naming.Key:
     return name if key == number else str(key).replace(str(number), str(name), 1)
 
 
-def _changes(s: complex, ds: complex) -> tuple[float, float, float]:
+def changes(s: complex, ds: complex) -> tuple[float, float, float]:
     """Changes of the real part, the frequency and the damping ratio of an eigenvalue that changes by ds."""
     hertz = np.sign(s.imag) * ds.imag / (2 * np.pi)
     ratio = s.imag * (s.real * ds.imag - s.imag * ds.real) / abs(s) ** 3

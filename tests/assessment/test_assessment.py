@@ -239,6 +239,15 @@ def test_the_worst_are_judged_by_criteria(base, tmp_path):
     assert base.study(**given, criteria="wecc-tpl-001").secure
 
 
+def test_the_controls_that_take_damping_are_named():
+    """In ieee39 the stabilizer of machine 8 works against the least damped swing."""
+    study = st.load("ieee39").study("3cyc", damping="9%", faults=["16"], worst=0, remedies="none")
+    (k,) = study.poorly_damped
+    assert study.contributions(k).undamping[0].name == "PSS 8"
+    assert "undamped most by PSS 8, EXST3 8, EXST3 4." in str(study)
+    assert "PSS 8 -0.11" in study_page.page(study).html()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "storage"), [("ieee39", None), ("ieee39", "5%mva"), ("wnaps", "5%mva")])
 def test_every_number_of_a_large_study_is_that_of_the_single_command(name, storage):

@@ -34,6 +34,8 @@ RESULTS = {
     "linear": (
         "smallsignal.model.Linear", "smallsignal.modes.Modes", "smallsignal.modes.Mode",
         "smallsignal.sensitivity.sensitivity", "smallsignal.sensitivity.Sensitivity", "smallsignal.sensitivity.Effect",
+        "smallsignal.contributions.contributions", "smallsignal.contributions.Contributions",
+        "smallsignal.contributions.Contribution",
     )
 }  # fmt: skip
 

@@ -29,7 +29,8 @@ FIRST_RUNS = "contingency", "a first run"
 RUNS = "contingency", "outcome", "largest change of angle (deg)", "lowest voltage after clearing (pu)", "what happens"
 VIOLATIONS = "contingency", "rule", "where", "value", "at (s)", "limit"
 REMEDIES = "what", "change", "cost"
-MODES = "mode", "frequency (Hz)", "damping ratio (%)", "main participants"
+MODES = "mode", "frequency (Hz)", "damping ratio (%)", "main participants", "damped by", "undamped by"
+ASKED = 5  # modes whose damping is traced to the controls
 
 
 def page(study: Study) -> Page:
@@ -168,15 +169,21 @@ def _modes(study: Study) -> Iterator[Part]:
         "Dashed lines mark constant damping ratios. Modes that are better damped or faster are not shown.",
     )
     shown = sorted({*modes.swings(), *modes.least_damped(), *study.poorly_damped}, key=lambda k: modes.damping_ratio[k])
-    rows, classes = [], []
+    rows: list[tuple[str, ...]] = []
+    classes = []
     for k in shown:
         m = modes.mode(k)
         who = ", ".join(f"{p.state} {100 * p.share:.0f} %" for p in m.participation[:4])
-        rows.append((m.label, number(m.frequency_hz, 3), number(100 * m.damping_ratio, 2), who))
+        found = study.contributions(k) if len(rows) < ASKED else None
+        sides = (found.damping, found.undamping) if found else ((), ())
+        controls = (", ".join(f"{one.name} {100 * one.damping_ratio:+.2g}" for one in side[:3]) for side in sides)
+        rows.append((m.label, number(m.frequency_hz, 3), number(100 * m.damping_ratio, 2), who, *controls))
         classes.append("unstable" if k in study.poorly_damped else "")
     note = (
-        f"Electromechanical modes, the least damped first, and others of {BAND[0]:g} to {BAND[1]:g} Hz with less than "
-        f"{100 * study.wanted.damping:g} % (in red). Participants: participation factors, in percent of the sum of all."
+        f"Electromechanical modes, the least damped first, and others of {BAND[0]:g} to {BAND[1]:g} Hz below "
+        f"{100 * study.wanted.damping:g} % (in red). Participants: participation factors, in percent of the sum of "
+        f"all. Damped and undamped by, of the first {ASKED}: change of the damping ratio (%) if a control had 1 % more "
+        "effect."
     )
     yield table(MODES, rows, note, classes=classes)
 
