@@ -257,9 +257,7 @@ class Modes:
         ['1, 2 against 3, 4']
         """
         if not 0 <= low_hz <= high_hz:
-            raise StudyError(
-                f"The band of {low_hz:g} to {high_hz:g} Hz is empty or negative; give the lower one first."
-            )
+            raise StudyError(f"The band of {low_hz:g} to {high_hz:g} Hz is empty or negative; give the lower first.")
         f = self.frequency_hz
         return [int(k) for k in np.flatnonzero((self.eigenvalues.imag > 0) & (f >= low_hz) & (f <= high_hz))]
 
