@@ -173,7 +173,7 @@ def _modes(study: Study) -> Iterator[Part]:
     classes = []
     for k in shown:
         m = modes.mode(k)
-        who = ", ".join(f"{p.state} {100 * p.share:.0f} %" for p in m.participation[:4])
+        who = ", ".join(f"{p.state} {100 * p.share:.0f} %" for p in m.participation[:3])
         found = study.contributions(k) if len(rows) < ASKED else None
         sides = (found.damping, found.undamping) if found else ((), ())
         controls = (", ".join(f"{one.name} {100 * one.damping_ratio:+.2g}" for one in side[:3]) for side in sides)
@@ -223,7 +223,8 @@ def _ratios(study: Study) -> Iterator[Part]:
 
 def _operating_point(study: Study) -> Iterator[Part]:
     low, high = study.wanted.voltages
-    yield Text(f"{study.flow}.")
+    said = str(study.flow)
+    yield Text(f"{said[0].upper()}{said[1:]}.")
     if study.low_or_high:
         rows = [(str(bus), f"{size:.4f}") for bus, size in study.low_or_high]
         yield table(("bus", "voltage (pu)"), rows, f"Buses outside {low:g} to {high:g} pu.")
