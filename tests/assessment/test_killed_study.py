@@ -22,7 +22,8 @@ INSECURE = 1
 
 
 def start(folder):
-    words = "study", "ieee39", "--json", "--workers", "1", "--store", "store", "--report", "page", "--out", "all.xlsx"
+    words = ["study", "ieee39", "--clear", "4cyc", "--remedies", "redispatch", "--json", "--workers", "1"]
+    words += ["--store", "store", "--report", "page", "--out", "all.xlsx"]
     env = os.environ | {"PYTHONPATH": str(Path(stabctl.__file__).parents[1])}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     return subprocess.Popen([sys.executable, "-m", "stabctl", *words], cwd=folder, text=True, env=env, **pipes)
