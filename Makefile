@@ -12,7 +12,7 @@ test: .venv/test  ## run the tests
 	$(BIN)/python -m pytest -n auto --dist loadfile
 
 slow: .venv/test  ## run the tests that take long
-	$(BIN)/python -m pytest -n auto --dist loadfile -m slow
+	$(BIN)/python -m pytest -n auto --dist loadfile -m slow --durations 15
 
 fuzz: .venv/test  ## run mutated inputs until a failure is found or FUZZ_MINUTES (10) are over; FUZZ_SEED gives others
 	PYTHONPATH=.:tests $(BIN)/python -m fuzz --minutes $(or $(FUZZ_MINUTES),10) --seed $(or $(FUZZ_SEED),1)
