@@ -7,6 +7,8 @@ margins; here it is found by bisection on simulations, which need no margin.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -113,9 +115,9 @@ def redispatch(
                 f"Less power at {who} is not enough, up to {most.mw:.4g} MW, beyond which they produce no power, the "
                 "ratings of the others are exceeded, or there is no operating point."
             )
-        lasting = [one for one in left if not survived(most, one)]
-        without = [one for one in lasting if not one.stable] or lasting
-        left = [one for one in left if all(one is not other for other in without)]
+        gone = [not survived(most, one) for one in left]
+        hopeless = any(lost and not one.stable for one, lost in zip(left, gone, strict=True))
+        left = [one for one, lost in zip(left, gone, strict=True) if not lost or (one.stable and hopeless)]
     raise StudyError(said)
 
 
@@ -156,7 +158,8 @@ def _called(point: OperatingPoint, rotors: np.ndarray) -> str:
     return enumerated("machine", [name for name, of in zip(point.rotor_names, rotors, strict=True) if of])
 
 
-class _Room(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _Room:
     """Who gives up power, and who takes it."""
 
     point: OperatingPoint
@@ -187,7 +190,7 @@ class _Room(NamedTuple):
             room,
         )
 
-    @property
+    @cached_property
     def last(self) -> int:
         """The most steps that all groups can give up; 0 if there are none."""
         groups, most = len(self.power), round(1 / STEP)

@@ -54,7 +54,7 @@ def kinds(text: str) -> tuple[str, ...]:
     words = [] if given == ["none"] else [*KINDS] if given == ["all"] else given
     for word in words:
         if word not in KINDS:
-            raise StudyError(f"{shown(word)} is not a remedy; choose of {', '.join(KINDS)}, or all, or none.")
+            raise StudyError(f"{shown(word)} is not a remedy; choose from {', '.join(KINDS)}, or all, or none.")
     return tuple(dict.fromkeys(words))
 
 

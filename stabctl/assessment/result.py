@@ -300,7 +300,7 @@ class Study(Tabular):
             if lost:
                 first, be = lost[0].found, "is" if len(lost) == 1 else "are"
                 when = f"critical after {_cycles(critical(first))}"
-                when = "also if cleared at once" if first.status == "unstable_at_zero" else when
+                when = "lost even if cleared at once" if first.status == "unstable_at_zero" else when
                 said.append(
                     f"{case}: {len(lost)} of {number} {be} not survived with a clearing time of "
                     f"{_cycles(wanted.cycles)}{own}. The worst is {first.contingency.label}, {when}, limited by "

@@ -16,7 +16,6 @@ from stabctl._util.wording import counted
 from stabctl.model import naming, network
 from stabctl.model.case import Case
 from stabctl.model.naming import Circuit
-from stabctl.model.network import Switching
 from stabctl.model.tables import Branch
 
 from .result import ClearingTime, watched
@@ -25,7 +24,6 @@ from .trial import Search
 if TYPE_CHECKING:
     import pandas as pd
 
-OPEN = network.BranchState(from_closed=False, to_closed=False)
 COLUMNS = "fault", "trip", "cycles", "status", "machine", "limited_by", "name"  # of a table
 
 
@@ -237,7 +235,7 @@ def lines(case: Case) -> Lines:
         parallel.append(k)
         if not _is_line(k, rated, stepped_up):
             continue
-        if network.islands(net, Switching(branches=((row, OPEN),))).max() > whole:
+        if network.islands(net, network.without([row])).max() > whole:
             bridges.append(circuit)
         elif any(_same(k, other) for other in parallel[:-1]):
             twins.append(circuit)

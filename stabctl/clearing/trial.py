@@ -218,8 +218,7 @@ class Trial:
 
     def last_event(self, k: int) -> float:
         """Instant (s) of the last event at the grid's point k."""
-        after = max((e.at for e in self.placed.after if not isinstance(e, str)), default=0.0)
-        return max([self.cleared(k) + after, *(e.at + self.at for e in self.others)])
+        return max([self.cleared(k), *(e.at for e in self.events(k))])
 
     def simulate(self, k: int, record: Recorded = False, observe: float | None = None) -> Trajectory:
         """The run cleared at the grid's point k, until the observation (s) after the last event ends."""

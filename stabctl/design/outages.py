@@ -13,8 +13,6 @@ from stabctl.model.fleet import Fleet
 if TYPE_CHECKING:
     import pandas as pd
 
-OPEN = network.BranchState(from_closed=False, to_closed=False)
-
 
 @dataclass(frozen=True, repr=False)
 class Outages:
@@ -99,7 +97,7 @@ def outages(base: Case | OperatingPoint, *, storage: "Fleet | None" = None) -> O
         if alike in seen:
             continue
         seen.add(alike)
-        if network.islands(net, network.Switching(branches=((row, OPEN),))).max() > whole:
+        if network.islands(net, network.without([row])).max() > whole:
             left_out.append((name, "the network would be split"))
             continue
         rest = (*case.branches[:row], *case.branches[row + 1 :])

@@ -4,7 +4,7 @@ This is the only place where MW, Mvar and degrees are converted to pu on the sys
 a two-port, also with a fault along it or with open ends (`two_port`); the matrix is a pure function of these.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import chain
 from operator import attrgetter
 from typing import NamedTuple
@@ -89,6 +89,11 @@ class Switching(NamedTuple):
 
 
 UNSWITCHED = Switching()
+
+
+def without(branches: Iterable[int]) -> Switching:
+    """Branches (rows) open at both ends."""
+    return Switching(branches=tuple((row, BranchState(from_closed=False, to_closed=False)) for row in branches))
 
 
 class Entries(NamedTuple):

@@ -263,10 +263,9 @@ def impedances(case: Case, trip: str | None = None, buses: np.ndarray | None = N
     from scipy.sparse import diags
     from scipy.sparse.linalg import splu
 
-    open_ = network.BranchState(from_closed=False, to_closed=False)
     names = [name for name in naming.listed(trip or "") if name]
     net = network.build(case)
-    switching = network.Switching(branches=tuple((circuit(case, name)[0], open_) for name in names))
+    switching = network.without(circuit(case, name)[0] for name in names)
     sources = source_admittances(case, net)
     where = network.islands(net, switching)
     fed = np.flatnonzero(np.isin(where, where[sources != 0]))

@@ -38,7 +38,7 @@ def feasible(trials: Trials, uniform: np.ndarray) -> tuple[Trials, list[Boundary
     if not kept:
         listed = " ".join(map(str, infeasible[:SHOWN]))
         more = len(infeasible) - SHOWN
-        listed += f" So it is with {more} more." if more > 0 else ""
+        listed += f" The same holds for {more} more." if more > 0 else ""
         raise StudyError(
             f"No fleet within the caps survives any of the contingencies. {listed} Raise the caps or shorten the "
             "clearing times."

@@ -9,13 +9,11 @@ import numpy as np
 
 from stabctl.model import naming, network
 from stabctl.model.case import Case
-from stabctl.model.network import BranchState, Switching
 
 from .contingency import Contingency
 from .events import Event, TripMachine
 
 NONE: Mapping[int, complex] = {}
-OPEN = BranchState(from_closed=False, to_closed=False)
 
 
 class Element(NamedTuple):
@@ -68,7 +66,7 @@ class Outages:
 
     def cut_off(self, branches: tuple[int, ...]) -> tuple[int, ...]:
         """The machines in parts without a load that opening branches cuts off: with nothing to feed, they trip."""
-        island = network.islands(self.net, Switching(branches=tuple((row, OPEN) for row in sorted(branches))))
+        island = network.islands(self.net, network.without(sorted(branches)))
         size = np.bincount(island)
         if len(size) == self.whole:
             return ()

@@ -258,7 +258,7 @@ def test_prices_that_cannot_be_are_told(base, tmp_path, content, said):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"remedies": "prayer"}, "'prayer' is not a remedy; choose of stabilizers, storage, redispatch"),
+        ({"remedies": "prayer"}, "'prayer' is not a remedy; choose from stabilizers, storage, redispatch"),
         ({"prices": st.Prices(), "remedies": "none"}, "Prices are those of remedies"),
     ],
 )

@@ -7,7 +7,7 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.outage import Element, Outages
 
 from .statements import Form, Statement, Word, bus, circuits, understood
-from .subsystems import Subsystems
+from .subsystems import Subsystems, named
 
 OF = "SUBSYSTEM|SYSTEM <name>"
 ORDER = "SINGLE|DOUBLE|BUSDOUBLE|PARALLEL"
@@ -80,9 +80,7 @@ class Automatic:
         if kind == "at":
             at = bus(statement, self.case, word)
             return self._among(lambda ends: at in ends)
-        if self.subsystems is None:
-            raise statement.error("the subsystems are missing; give their file, subsystems='FILE.sub'.")
-        buses = self.subsystems.buses(statement, word)
+        buses = named(statement, word, self.subsystems)
         if kind == "inside":
             return self._among(buses.issuperset)
         if kind == "ties":

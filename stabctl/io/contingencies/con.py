@@ -16,7 +16,7 @@ from stabctl.simulation.events import Event, LoadStep, SwitchShunt
 from stabctl.simulation.outage import Outages
 
 from .automatic import AUTOMATIC, Automatic
-from .statements import Form, Statement, Word, bus, circuits, machine, number, read, understood
+from .statements import Form, Statement, Word, bus, circuits, machine, nothing_follows, number, read, understood
 from .subsystems import Subsystems
 
 OPEN = "OPEN|TRIP|DISCONNECT|REMOVE"
@@ -66,8 +66,7 @@ def read_con(path: str | Path, case: Case, subsystems: Subsystems | None = None)
             named[name] = statement.line
             found += _Block(outages, name, statement).read(statements)
         elif statement.ends:
-            if after := next((one for one in statements if not one.ends), None):
-                raise after.error("nothing may follow the END of the file.")
+            nothing_follows(statements)
         elif statement.begins("SKIP") and len(statement.words) == 1:
             automatic.skip(statement, statements)
         else:

@@ -8,8 +8,8 @@ from stabctl._util.errors import StudyError
 from stabctl._util.wording import listed
 from stabctl.model.case import Case
 
-from .statements import Form, Statement, Word, bus, circuits, number, read, understood
-from .subsystems import Subsystems
+from .statements import Form, Statement, Word, bus, circuits, nothing_follows, number, read, understood
+from .subsystems import Subsystems, named
 
 SCOPE = "[ALL] BUSES", "SUBSYSTEM|SYSTEM <name>", "BUS <bus>", "AREA|ZONE|OWNER|KV <number>"
 FORMS = (
@@ -46,8 +46,7 @@ def read_mon(path: str | Path, case: Case, subsystems: Subsystems | None = None)
     statements = read(Path(path))
     for statement in statements:
         if statement.ends:
-            if after := next((s for s in statements if not s.ends), None):
-                raise after.error("nothing may follow the END of the file.")
+            nothing_follows(statements)
             break
         kind, words = understood(statement, FORMS)
         if kind == "range":
@@ -61,7 +60,7 @@ def read_mon(path: str | Path, case: Case, subsystems: Subsystems | None = None)
         if kind == "deviation":
             _scope(statement, case, words, subsystems)
         elif kind == "flows":
-            _subsystem(statement, words[0], subsystems)
+            named(statement, words[0], subsystems)
         else:
             _members(statement, statements, case)
     if not ranges and not unused:
@@ -74,12 +73,12 @@ def _scope(
 ) -> tuple[frozenset[int], list[float]]:
     """The buses of a statement on voltages, and its limits."""
     of = statement.words[3]
-    named = 0 if of.means("ALL") or (of.means("BUSES") and not of.means("BUS")) else 1
-    limits = [number(statement, word) for word in words[named:]]
-    if not named:
+    first = 0 if of.means("ALL") or (of.means("BUSES") and not of.means("BUS")) else 1
+    limits = [number(statement, word) for word in words[first:]]
+    if not first:
         return frozenset(b.bus for b in case.buses), limits
     if of.means("SUBSYSTEM") or of.means("SYSTEM"):
-        return _subsystem(statement, words[0], subsystems), limits
+        return named(statement, words[0], subsystems), limits
     if of.means("BUS"):
         return frozenset((bus(statement, case, words[0]),)), limits
     column = COLUMNS[next(k for k in COLUMNS if of.means(k))]
@@ -88,12 +87,6 @@ def _scope(
     if not found:
         raise statement.error(f"{case.name} has no bus with {of} {words[0]}.")
     return found, limits
-
-
-def _subsystem(statement: Statement, word: Word, subsystems: Subsystems | None) -> frozenset[int]:
-    if subsystems is None:
-        raise statement.error("the subsystems are missing; give their file, subsystems='FILE.sub'.")
-    return subsystems.buses(statement, word)
 
 
 def _members(opened: Statement, statements: Iterator[Statement], case: Case) -> None:

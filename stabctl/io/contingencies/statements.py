@@ -81,6 +81,12 @@ def read(path: Path) -> Iterator[Statement]:
             yield statement
 
 
+def nothing_follows(statements: Iterator[Statement]) -> None:
+    """Raise `StudyError` for what follows the END of a file; another END does not matter."""
+    if after := next((one for one in statements if not one.ends), None):
+        raise after.error("nothing may follow the END of the file.")
+
+
 def _words(line: str) -> Iterator[Word]:
     for single, double, plain in _WORD.findall(line):
         if plain.startswith("/"):

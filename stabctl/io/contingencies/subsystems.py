@@ -138,6 +138,13 @@ class Subsystems:
         return {b.bus for b in self.case.buses if low - 1e-6 <= _value(b, column) <= high + 1e-6}
 
 
+def named(statement: Statement, word: Word, subsystems: Subsystems | None) -> frozenset[int]:
+    """The buses of a subsystem that a statement of another file names. Raises `StudyError`."""
+    if subsystems is None:
+        raise statement.error("the subsystems are missing; give their file, subsystems='FILE.sub'.")
+    return subsystems.buses(statement, word)
+
+
 def _is_value(word: Word, column: str) -> bool:
     return word.text[:1].isdigit() or word.text[:1] in "+-." or (column == "bus" and word.quoted)
 

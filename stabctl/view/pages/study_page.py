@@ -182,8 +182,8 @@ def _modes(study: Study) -> Iterator[Part]:
     note = (
         f"Electromechanical modes, the least damped first, and others of {BAND[0]:g} to {BAND[1]:g} Hz below "
         f"{100 * study.wanted.damping:g} % (in red). Participants: participation factors, in percent of the sum of "
-        f"all. Damped and undamped by, of the first {ASKED}: change of the damping ratio (%) if a control had 1 % more "
-        "effect."
+        f"all. For the first {ASKED} modes: controls that change the damping ratio most, and by how much (%) if their "
+        "effect were 1 % larger."
     )
     yield table(MODES, rows, note, classes=classes)
 
