@@ -118,7 +118,8 @@ def test_search_finds_a_page(site):
     with browser() as chromium:
         page = chromium.new_page(viewport={"width": 1280, "height": 844})
         page.goto((site / "index.html").as_uri())
-        page.locator(".md-search__input").first.fill("equal area")
+        # The page reads the field when a key is released, so the words are typed, not set.
+        page.locator(".md-search__input").first.press_sequentially("equal area")
         page.locator(".md-search-result__link[href*='theory']").first.wait_for(timeout=10_000)
 
 
