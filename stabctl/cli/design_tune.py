@@ -54,6 +54,11 @@ Sensitivity = Annotated[
     float, Option("--sensitivity", min=0.0, help="Bound of the sensitivity |S| of every loop; 0: none.")
 ]
 DiskMargin = Annotated[float | None, Option("--disk-margin", help="Least disk margin of every loop: 0.8.")]
+Noise = Annotated[float, Option("--noise", min=0.0, help="Standard deviation of the noise of the speed, pu.")]
+Reserve = Annotated[
+    float | None,
+    Option("--reserve", help="Share of the limits of every stabilizer that the noise must leave: 0.8."),
+]
 OneOut = Annotated[bool, Option("--one-out", help="Count each controller out of service, too.")]
 CheckLevels = Annotated[
     str, Option("--check-levels", metavar="LIST", help="Load levels that are checked without being tuned for, or none.")
@@ -72,6 +77,7 @@ class DeviceOptions(NamedTuple):
     stages: Stages = 2
     gain: Gain = 20.0
     fast: Fast = 300.0
+    noise: Noise = 0.0
     damper: Damper = None
     value: Value = None
 
@@ -82,11 +88,8 @@ class DeviceOptions(NamedTuple):
 
         found: list[Device] = []
         if self.machine or self.model or not (self.damper or self.value):
-            found.append(
-                design.stabilizers(
-                    self.machine or None, model=self.model, stages=self.stages, gain=self.gain, fast=self.fast
-                )
-            )
+            shape: dict[str, Any] = {"stages": self.stages, "gain": self.gain, "fast": self.fast, "noise": self.noise}
+            found.append(design.stabilizers(self.machine or None, model=self.model, **shape))
         for text in self.damper or ():
             parts = [part.strip() for part in text.split(",")]
             if not 2 <= len(parts) <= 3:
@@ -105,6 +108,7 @@ def tune(
     sensitivity: Sensitivity = 2.0,
     disk_margin: DiskMargin = None,
     one_out: OneOut = False,
+    reserve: Reserve = None,
     check_levels: CheckLevels = "0.9",
     checks: Checks = 3,
     starts: Starts = 5,
@@ -134,6 +138,7 @@ def tune(
             sensitivity=sensitivity or None,
             disk_margin=disk_margin,
             one_out=one_out,
+            reserve=reserve,
             check_levels=_numbers("--check-levels", check_levels),
             checks=checks,
             starts=starts,

@@ -25,6 +25,7 @@ INPUTS = {"speed": "omega", "pe": "P", "vt": "vt"}  # signal -> port of the stab
 ANGLES, SWINGS = (10.0, 60.0), (0.6, 2.0)  # deg, Hz   lead of a stage in a random start, and where it has it
 SPREAD = 0.2  # of the logarithms of the parameters around that
 WIDE = 1e9  # limits while the equations are differentiated
+NOISY, NODES = (0.1, 30.0), 60  # Hz   between which noise is white, and frequencies of the mean
 
 
 class Variable(NamedTuple):
@@ -71,6 +72,30 @@ def slopes(what: Structure, logs: np.ndarray) -> np.ndarray:
     steps = STEP * np.eye(len(logs))
     up, down = ([what.matrix(np.exp(logs + sign * e)) for e in steps] for sign in (1, -1))
     return (np.array(up) - np.array(down)) / (2 * STEP)
+
+
+def noise_size(what: Structure, logs: np.ndarray) -> tuple[float, np.ndarray]:
+    """Standard deviation of the output with noise of 1 in every input, and the derivatives of its logarithm.
+
+    The noise is white from 0.1 to 30 Hz, as that of 60 samples a second; what is slower is no noise:
+
+        sigma^2 = mean of sum_y |K_y|^2 over these frequencies,  dK = [1 Y] dM [1; X],
+        X = (jw - A)^-1 B,  Y = C (jw - A)^-1  of M = [D C; B A].
+    """
+    M, dM = what.matrix(np.exp(logs)), slopes(what, logs)
+    n = len(M) - 1
+    ny = M.shape[1] - n
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    hz = np.sqrt(NOISY[0] * NOISY[1]) * (NOISY[1] / NOISY[0]) ** (nodes / 2)
+    weights = weights * hz / (weights @ hz)
+    inverse = np.linalg.inv(2j * np.pi * hz[:, None, None] * np.eye(n) - M[1:, ny:])
+    right = np.concatenate([np.broadcast_to(np.eye(ny), (NODES, ny, ny)), inverse @ M[1:, :ny]], axis=1)
+    left = np.concatenate([np.ones((NODES, 1)), (M[:1, ny:] @ inverse)[:, 0]], axis=1)
+    K = (M[0] @ right.transpose(1, 0, 2).reshape(ny + n, -1)).reshape(NODES, ny)
+    dK = np.einsum("fr,prc,fcy->pfy", left, dM, right)
+    variance = float(weights @ (np.abs(K) ** 2).sum(axis=1))
+    change = np.einsum("f,pfy->p", weights, (K.conj() * dK).real)
+    return float(np.sqrt(variance)), change / variance
 
 
 # Chains.

@@ -14,7 +14,20 @@ from stabctl.model import naming, tables
 from stabctl.model.case import Case
 
 from . import blocks
-from .blocks import MODELS, Chain, Integral, Lag, LeadLag, ModelBlock, Notch, Range, Variable, Washout, checked_range
+from .blocks import (
+    MODELS,
+    Chain,
+    Integral,
+    Lag,
+    LeadLag,
+    ModelBlock,
+    Notch,
+    Range,
+    Variable,
+    Washout,
+    checked_range,
+    noise_size,
+)
 from .case_values import Device
 
 SMALLEST = 1e-3  # of the largest gain
@@ -41,6 +54,8 @@ class Tunable:
         Limits of the output.
     machine
         Machine of a packaged stabilizer; None for another controller.
+    noise
+        Standard deviation of the noise of each signal that it reads, in its unit.
     """
 
     structure: Any
@@ -50,6 +65,7 @@ class Tunable:
     delays: tuple[float, ...] = (0.0,)
     limits: tuple[float, float] = (-np.inf, np.inf)
     machine: int | None = None
+    noise: float = 0.0
 
     @property
     def name(self) -> str:
@@ -61,6 +77,24 @@ class Tunable:
         M, n = self.structure.matrix(v), len(self.inputs)
         parts = M[1:, n:], M[1:, :n], M[:1, n:], M[:1, :n]
         return Controller(self.inputs, (self.output,), *parts, delay=self.delays[0], limits=self.limits, name=self.name)
+
+    def reserve(self, logs: np.ndarray) -> float:
+        """Share of the nearer limit that three standard deviations of the noise in the output leave."""
+        return 1 - noise_size(self.structure, logs)[0] / self.loudest(0.0)
+
+    def loudest(self, reserve: float) -> float:
+        """Largest standard deviation of the output, with noise of 1 in every input, that leaves a share."""
+        return (1 - reserve) * float(np.abs(self.limits).min()) / (3 * self.noise)
+
+    @property
+    def quietest(self) -> np.ndarray:
+        """Logarithms of the parameters of the least noise: small gains, leads and washouts, large lags and resets.
+
+        Those of a notch, which may be anywhere, are where they start.
+        """
+        ends = {"Tw": "low", "Ti": "high", "f": "start", "z1": "start", "z2": "start"}
+        pairs = zip(self.structure.variables, self.structure.fast, strict=True)
+        return np.log([getattr(v, ends.get(v.name, "low" if power > 0 else "high")) for v, power in pairs])
 
 
 @dataclass(frozen=True)
@@ -103,6 +137,13 @@ def checked_gain(name: str, given: Any) -> float:
     return float(given)
 
 
+def checked_noise(given: Any) -> float:
+    """A standard deviation."""
+    if isinstance(given, bool) or not isinstance(given, int | float) or not 0 <= given < np.inf:
+        raise StudyError(f"noise = {shown(given)} is no standard deviation; give a number such as 1e-4.")
+    return float(given)
+
+
 # Stabilizers.
 
 
@@ -141,6 +182,7 @@ class Stabilizers(Device):
     shape: Stages
     limits: tuple[float, float]
     noise_filter: float
+    noise: float
 
     def prepared(self, case: Case) -> Case:
         """The case without the stabilizers that its machines have."""
@@ -154,7 +196,7 @@ class Stabilizers(Device):
         if self.model is None:
             filters = (Lag(self.noise_filter),) if self.noise_filter else ()
             structure: Any = self.shape.chain(self.gain, *filters)
-            return Tunable(structure, (f"speed:{n}",), f"vs:{n}", self.fast, limits=self.limits)
+            return Tunable(structure, (f"speed:{n}",), f"vs:{n}", self.fast, limits=self.limits, noise=self.noise)
         given = self._given(case, n)
         gain = MODELS[self.model].gain
         bounds = {gain: (SMALLEST * abs(self.gain), abs(self.gain))}
@@ -164,7 +206,7 @@ class Stabilizers(Device):
         tuned = tuple(variable(k, "pu" if k == gain else "s", bounds[k], starts[k]) for k in bounds)
         structure = ModelBlock(self.model, given, tuned, float(np.sign(self.gain)))
         inputs = tuple(f"{kind}:{n}" for kind in structure.reads)
-        return Tunable(structure, inputs, f"vs:{n}", self.fast, limits=self.limits, machine=n)
+        return Tunable(structure, inputs, f"vs:{n}", self.fast, (0.0,), self.limits, n, self.noise)
 
     def _given(self, case: Case, n: int) -> dict[str, Any]:
         """Parameters of the model at a machine: those of the case, or typical ones."""
@@ -194,6 +236,7 @@ def stabilizers(
     lag: Range = (0.02, 0.5),
     noise_filter: str | float = 0.0,
     limits: tuple[float, float] | float = 0.1,
+    noise: float = 0.0,
 ) -> Stabilizers:
     r"""Stabilizers to be tuned, in place of those of the case.
 
@@ -220,6 +263,8 @@ def stabilizers(
         Time constant of a lag 1/(1+sTf) of the speed, which is not tuned; 0: none. A model has its own.
     limits : pair of float, pu
         Limits of the output.
+    noise : float, pu
+        Standard deviation of the noise of the speed, white from 0.1 to 30 Hz; for `reserve` of `tune`.
 
     Returns
     -------
@@ -246,7 +291,9 @@ def stabilizers(
     low_high, filter_s = checked_limits("stabilizers", limits), duration("noise_filter", noise_filter)
     if model is not None and filter_s:
         raise StudyError(f"{devices.every()[model].name} has its own filters; leave out noise_filter.")
-    return Stabilizers(numbers, model, checked_gain("gain", gain), fast, shape, low_high, filter_s)
+    return Stabilizers(
+        numbers, model, checked_gain("gain", gain), fast, shape, low_high, filter_s, checked_noise(noise)
+    )
 
 
 # Other controllers.
@@ -276,6 +323,7 @@ def damper(
     lead: Range = (0.02, 1.0),
     lag: Range = (0.02, 0.5),
     limits: tuple[float, float] | float | None = None,
+    noise: float = 0.0,
 ) -> Single:
     r"""A damper to be tuned: gain, washout and lead-lag stages from a signal to an input.
 
@@ -299,6 +347,8 @@ def damper(
         Bounds of Tw, of the leads, and of the lags.
     limits : pair of float, optional
         Limits of the output, in the unit of the input driven.
+    noise : float
+        Standard deviation of the noise of the signal, in its unit, white from 0.1 to 30 Hz; for `reserve` of `tune`.
 
     Returns
     -------
@@ -322,7 +372,7 @@ def damper(
         width = variable("z1", "-", (0.05, 1.0), 0.3), variable("z2", "-", (0.05, 1.0), 0.3)
         more = (Notch((variable("f", "Hz", band, float(np.sqrt(np.prod(band)))), *width)),)
     chain = Stages(stages, washout, lead, lag).chain(checked_gain("gain", gain), *more)
-    return _single(input, output, chain, fast, delay, limits)
+    return _single(input, output, chain, fast, delay, limits, noise)
 
 
 def pi(
@@ -333,6 +383,7 @@ def pi(
     reset: Range = (0.1, 100.0),
     delay: str | float | Sequence[str | float] = 0.0,
     limits: tuple[float, float] | float | None = None,
+    noise: float = 0.0,
 ) -> Single:
     r"""A PI controller to be tuned, $K (1 + 1 / (s T_i))$, from a signal to an input.
 
@@ -348,6 +399,8 @@ def pi(
         Time from measurement to output; of several, all are served.
     limits : pair of float, optional
         Limits of the output, in the unit of the input driven.
+    noise : float
+        Standard deviation of the noise of the signal, in its unit, white from 0.1 to 30 Hz; for `reserve` of `tune`.
 
     Returns
     -------
@@ -368,10 +421,10 @@ def pi(
     unused = (1.0, 1.0)
     shape = Stages(0, unused, unused, unused)
     chain = shape.chain(checked_gain("gain", gain), integral=checked_range("reset", reset, "s"))
-    return _single(input, output, chain, np.inf, delay, limits)
+    return _single(input, output, chain, np.inf, delay, limits, noise)
 
 
-def _single(input: str, output: str, chain: Chain, fast: float, delay: Any, limits: Any) -> Single:
+def _single(input: str, output: str, chain: Chain, fast: float, delay: Any, limits: Any, noise: float) -> Single:
     several = delay if isinstance(delay, list | tuple) else (delay,)
     delays = tuple(duration("delay", one) for one in several)
     if not delays:
@@ -381,4 +434,4 @@ def _single(input: str, output: str, chain: Chain, fast: float, delay: Any, limi
         if not isinstance(value, str) or not value.strip():
             raise StudyError(f"{name} = {shown(value)} does not name a signal; give one, such as 'deviation:1'.")
     bounds = checked_limits(f"{input} to {output}", np.inf if limits is None else limits)
-    return Single(Tunable(chain, (input,), output, fast, delays, bounds))
+    return Single(Tunable(chain, (input,), output, fast, delays, bounds, noise=checked_noise(noise)))

@@ -15,7 +15,7 @@ from .case_values import Device, Shared
 from .devices import Tunable
 from .networks import Network
 from .plants import STABLE, Plant, plant
-from .problem import Peak, Problem, Scenario
+from .problem import Peak, Problem, Scenario, spare
 
 UNMOVED = 1e-9  # of an unstable mode: how far it is seen and moved, below which nothing stabilizes it
 MORE = 5e-4  # damping ratio in the search beyond what is asked for, so that it is reached
@@ -39,6 +39,8 @@ class Asked:
         Bounds of sensitivity.
     one_out
         Whether each controller out of service counts too, in the intact networks.
+    reserve
+        Share of its limits that three standard deviations of noise leave every controller; None: not asked.
     """
 
     damping: float | None
@@ -46,6 +48,7 @@ class Asked:
     doubled: float | None
     peaks: tuple[Peak, ...]
     one_out: bool
+    reserve: float | None = None
 
 
 @dataclass(frozen=True)
@@ -88,8 +91,11 @@ class Parts:
         """All parameters that are tuned, those of the controllers first."""
         return [v for t in self.tunables for v in t.structure.variables] + [v for _, v in self.of_case]
 
-    def movable(self) -> tuple["Parts", list[tuple[str, str]]]:
-        """The same without plants with an unstable mode that no controller sees and moves, which are named."""
+    def movable(self, damping: float | None) -> tuple["Parts", list[tuple[str, str]]]:
+        """The same without plants with an unstable mode that no controller sees and moves, which are named.
+
+        Such a mode that is stable, but has less than the damping wanted, is an error.
+        """
         if self.of_case:
             return self, []
         kept, out = [], []
@@ -97,13 +103,21 @@ class Parts:
             m = one.matrices
             modes = eigen(m.A, np.zeros((len(m.A), 0)))
             moved = np.abs(modes.left.conj().T @ m.B).max(axis=1) * np.abs(m.C @ modes.right).max(axis=0)
-            fixed = np.flatnonzero((modes.values.real > STABLE) & (moved < UNMOVED * np.abs(modes.values)))
+            unmoved = modes.values[moved < UNMOVED * np.abs(modes.values)]
+            fixed = unmoved[unmoved.real > STABLE]
             if len(fixed):
-                s = modes.values[fixed[0]]
+                s = fixed[0]
                 hz = f"at {abs(s.imag) / (2 * np.pi):.3f} Hz" if s.imag else f"of {s.real:.3g} 1/s"
                 out.append((one.name, f"no controller moves its unstable mode {hz}"))
-            else:
-                kept.append(k)
+                continue
+            kept.append(k)
+            if damping is not None and spare(unmoved).min(initial=np.inf) < damping:
+                s = unmoved[spare(unmoved).argmin()]
+                raise StudyError(
+                    f"damping = {damping:g} cannot be reached: no controller moves the mode at "
+                    f"{abs(s.imag) / (2 * np.pi):.3f} Hz of {one.name}, whose damping ratio is "
+                    f"{-s.real / abs(s):.4f}; ask for less, or give other devices."
+                )
         if not kept:
             raise StudyError(f"No controller stabilizes any network: {out[0][0]}: {out[0][1]}; give other devices.")
         plants, owner = tuple(self.plants[k] for k in kept), tuple(self.owner[k] for k in kept)
@@ -136,10 +150,32 @@ class Parts:
                     f"bounds, above fast = {self.tunables[i].fast:g}; give a larger one, or other bounds."
                 )
         peaks = [one._replace(bound=one.bound * (1 - INSIDE)) for one in asked.peaks if n]
+        noise = {} if asked.reserve is None else self._loudest(asked.reserve)
         K = self.laws.at[:-1]
         shares = None if lower is None else (np.vstack([np.eye(len(low))[K], G]), np.r_[high[K], g])
         goal = np.inf if asked.damping is None or lower is not None else asked.damping + MORE
-        return Problem(self.laws, self.plants, scenarios, low, high, G, g, peaks, shares, goal)
+        return Problem(self.laws, self.plants, scenarios, low, high, G, g, peaks, shares, goal, noise)
+
+    def _loudest(self, reserve: float) -> dict[int, float]:
+        """Bounds of the noise, by number, of the controllers that read some."""
+        noisy = {i: t for i, t in enumerate(self.tunables) if t.noise}
+        if not noisy:
+            raise StudyError(f"reserve = {reserve:g} needs the noise of a signal; give stabilizers(noise=1e-4).")
+        for t in noisy.values():
+            if not np.isfinite(t.limits).any():
+                raise StudyError(f"{t.name}: reserve = {reserve:g} needs limits of its output; give limits=0.1.")
+            if t.reserve(t.quietest) < reserve:
+                raise StudyError(
+                    f"{t.name}: even with the smallest gains within the bounds, its noise leaves "
+                    f"{max(t.reserve(t.quietest), 0):.2g} of its limits, less than reserve = {reserve:g}; ask for "
+                    "less, or give other bounds."
+                )
+        return {i: t.loudest(reserve) * (1 - INSIDE) for i, t in noisy.items()}
+
+    def reserves(self, logs: np.ndarray) -> list[tuple[str, float]]:
+        """Share of the limits of each controller that three standard deviations of its noise leave."""
+        each = zip(self.tunables, self.laws.parts(logs), strict=True)
+        return [(t.name, t.reserve(v)) for t, v in each if t.noise and np.isfinite(t.limits).any()]
 
     def starts(self, problem: Problem, number: int, seed: int) -> Iterator[np.ndarray]:
         """The first start is plain, the others are random; all within the bounds."""

@@ -102,8 +102,8 @@ class Loop:
 
     @property
     def stable(self) -> bool:
-        """Whether no eigenvalue grows."""
-        return bool(self.eigenvalues.real.max() <= STABLE)
+        """Whether no eigenvalue grows; who asks needs the vectors next."""
+        return bool(self.modal.values.real.max() <= STABLE)
 
     @cached_property
     def modal(self) -> Eigen:

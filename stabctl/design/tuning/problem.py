@@ -9,7 +9,7 @@ Control, 1994, section 12.2.4; P. Seiler, A. Packard, P. Gahinet, An Introductio
 40, 2020.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from scipy.linalg.lapack import zgetrf, zgetrs
 
 from stabctl.controllers.realization import Matrices
 
-from .blocks import Laws
+from .blocks import Laws, noise_size
 from .plants import STABLE, Loop, Plant
 
 LOW = 0.1  # Hz   from which the damping ratio counts in full
@@ -68,7 +68,7 @@ class Peak(NamedTuple):
 class Active(NamedTuple):
     """Where a row comes from: a scenario and its eigenvalue, a plant, an input and the frequency of a peak, or a gain.
 
-    The row of a gain that is lowered has no key: it is linear.
+    The row of a gain that is lowered has no key: it is linear. Nor has the row of noise, which is nearly so.
     """
 
     name: str
@@ -146,6 +146,8 @@ class Problem:
         lowered. Every scenario has a floor then.
     goal
         Damping ratio that is enough; more does not raise the merit.
+    noise
+        Largest standard deviation of the output of some controllers, by number, with noise of 1 in every input.
     """
 
     laws: Laws
@@ -158,6 +160,7 @@ class Problem:
     peaks: Sequence[Peak] = ()
     shares: tuple[np.ndarray, np.ndarray] | None = None
     goal: float = np.inf
+    noise: Mapping[int, float] = field(default_factory=dict)
 
     def at(self, p: np.ndarray) -> "Trial":
         """All loops at parameters p."""
@@ -198,6 +201,7 @@ class Trial:
     def merit(self, which: Sequence[int], watched: Iterable[int], least: float = -np.inf) -> Merit:
         """The merit over scenarios, worst first, and peaks of watched plants; incomplete once it is below `least`."""
         found = Merit(float(np.r_[self.spared, self.problem.goal].min()), 0.0)
+        found = found.missing(min(self.quiet[0], default=0.0))
         for k in which:
             level, soft = self.level(k), self.problem.scenarios[k].floor is None
             found = Merit(min(level, found.level), found.missed) if soft else found.missing(level)
@@ -214,6 +218,18 @@ class Trial:
             return np.zeros(0)
         W, w = self.problem.shares
         return LOWER * (w - W @ self.p)
+
+    @cached_property
+    def quiet(self) -> tuple[list[float], list[np.ndarray]]:
+        """WEIGHT log (bound / noise) of the controllers whose noise is bounded, and their derivatives."""
+        laws, values, every = self.problem.laws, [], []
+        for k, bound in self.problem.noise.items():
+            size, slope = noise_size(laws.placed[k].structure, laws.parts(self.logs)[k])
+            whole = np.zeros(len(self.p))
+            whole[laws.at[k] : laws.at[k + 1]] = -WEIGHT * slope
+            values.append(WEIGHT * float(np.log(bound / size)))
+            every.append(whole)
+        return values, every
 
     def margin(self, k: int) -> float:
         """WEIGHT log (bound / peak) of a plant, at worst over the bounds; inf without bounds."""
@@ -249,6 +265,10 @@ class Trial:
                 rows.where += [Active(one.name, complex(x), (k,)) for x in s[chosen]]
         for k in watched:
             self._peak_rows(k, rows)
+        rows.value += self.quiet[0]
+        rows.slope += self.quiet[1]
+        rows.hard += [True] * len(self.quiet[0])
+        rows.where += [Active("noise", 0j, ())] * len(self.quiet[0])
         if self.problem.shares is not None:
             W = self.problem.shares[0]
             rows.value += self.spared.tolist()

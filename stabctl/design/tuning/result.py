@@ -20,7 +20,7 @@ from ..result import Design
 from .devices import parameters
 from .parts import Asked, Parts
 from .problem import KEPT, LOW, Peak, Trial, highest
-from .robustness import Worst, clearing, gains_and_outages, ring_down, shorter, worst
+from .robustness import RingDown, Worst, clearing, gains_and_outages, ring_down, shorter, worst
 from .search import Search
 
 if TYPE_CHECKING:
@@ -64,7 +64,9 @@ class Tuned(Design):
     robustness
         What differs from the networks tuned for, and the worst damping then.
     ring_down
-        Largest difference of the nonlinear simulation and the linear model after a small pulse, of the largest value.
+        Speeds after a small pulse, of the nonlinear simulation and of the linear model; None if it is unstable.
+    reserves
+        Share of the limits of each controller, by name, that three standard deviations of its noise leave.
     checks
         Clearing times of the most critical line faults, without and with the controllers.
 
@@ -92,7 +94,8 @@ class Tuned(Design):
     steps: int = 0
     packaged: tuple[tuple[str, int], ...] = ()
     robustness: tuple[tuple[str, Worst], ...] = ()
-    ring_down: float = 0.0
+    ring_down: RingDown | None = None
+    reserves: tuple[tuple[str, float], ...] = ()
     checks: tuple[Check, ...] = ()
 
     @classmethod
@@ -129,7 +132,8 @@ class Tuned(Design):
             **own,
             reached=design.reached and not missed,
             robustness=tuple(robust),
-            ring_down=ring_down(points[0], controllers) if design.after[0].stable else np.inf,
+            ring_down=ring_down(points[0], controllers) if design.after[0].stable else None,
+            reserves=tuple(parts.reserves(trial.logs)),
             checks=clearing(points[0], given[0] if changed else None, controllers, checks),
             replaced=tuple(closed_loop(point).modes() for point in given) if changed else (),
             worst_case=least,
@@ -183,7 +187,8 @@ class Tuned(Design):
             "parameters": self.parameters.to_dict("records"),
             "gains": {name: found for name, _, found in self.gains},
             "robustness": rows,
-            "ring_down": self.ring_down,
+            "ring_down": self.ring_down and self.ring_down.difference,
+            "reserves": dict(self.reserves),
             "clearing_cycles": cycles,
             "networks": len(self.before),
             "left_out": dict(self.left_out),
@@ -240,10 +245,10 @@ class Tuned(Design):
 
     def _simulated(self) -> Iterator[str]:
         """What the nonlinear simulation says."""
-        if self.ring_down < np.inf:
+        if self.ring_down:
             yield (
                 "After a small pulse the nonlinear simulation and the linear model differ by "
-                f"{100 * self.ring_down:.1f} % of the largest speed deviation."
+                f"{100 * self.ring_down.difference:.1f} % of the largest speed deviation."
             )
         if self.checks:
             yield compared(self.checks)
@@ -268,6 +273,9 @@ class Tuned(Design):
                 f"Largest gain at high frequencies: {most:.0f}; {at_limit} of {len(self.gains)} controllers have the "
                 "largest one allowed."
             )
+        if self.reserves:
+            name, least = min(self.reserves, key=lambda pair: pair[1])
+            lines.append(f"Three standard deviations of the noise leave {max(least, 0):.2f} of the limits of {name}.")
         lines += self._simulated()
         if missed:
             lines.append(f"Not reached: {' or '.join(missed)}; ask for less, or give other devices or bounds.")
@@ -286,6 +294,8 @@ class Tuned(Design):
 
 def _missed(parts: Parts, trial: Trial, asked: Asked) -> Iterator[str]:
     """The limits asked for that are not kept."""
+    if asked.reserve is not None and min(share for _, share in parts.reserves(trial.logs)) < asked.reserve - KEPT:
+        yield f"a reserve of {asked.reserve:g} for noise"
     if asked.doubled is not None and worst(trial, 2 * np.ones(len(parts.tunables))).damping < asked.doubled:
         yield f"a damping ratio of {asked.doubled:g} with doubled gains"
     for peak in asked.peaks:

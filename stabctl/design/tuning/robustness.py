@@ -24,6 +24,35 @@ RATE = 240  # 1/s   of the linear response
 SHORTER = 0.125  # cycles that a clearing time may fall without being named
 
 
+@dataclass(frozen=True, repr=False, eq=False)
+class RingDown:
+    """Speeds after a small pulse of load: of the nonlinear simulation, and of the linear model.
+
+    Attributes
+    ----------
+    bus, mw
+        Where load is switched on for 0.1 s, and how much.
+    machines
+        Names of the machines.
+    time
+        Since the pulse begins (times), s.
+    simulated, linear
+        Speed deviations from the COI of the others (times, machines), pu.
+    """
+
+    bus: int
+    mw: float
+    machines: tuple[str, ...]
+    time: np.ndarray
+    simulated: np.ndarray
+    linear: np.ndarray
+
+    @property
+    def difference(self) -> float:
+        """Largest difference of the two, of the largest value."""
+        return float(np.abs(self.simulated - self.linear).max() / np.abs(self.linear).max())
+
+
 @dataclass(frozen=True)
 class Worst:
     """The least damping ratio of some networks, of every mode above 0.1 Hz, and of slower ones that grow.
@@ -74,12 +103,8 @@ def gains_and_outages(parts: Parts, trial: Trial, factors: Sequence[float], seed
     yield "one controller out, no other outage", min(out, key=lambda w: w.damping)
 
 
-def ring_down(point: OperatingPoint, controllers: Sequence[Controller]) -> float:
-    """Largest difference of the nonlinear simulation and the linear model after a pulse of load, of the largest value.
-
-    The pulse is 0.1 % of the largest load for 0.1 s; compared are the speeds of all machines against the COI of the
-    others, over 5 s, with the limits of the controllers in the simulation.
-    """
+def ring_down(point: OperatingPoint, controllers: Sequence[Controller]) -> RingDown:
+    """Simulate 5 s after a pulse of 0.1 % of the largest load, with the limits of the controllers."""
     load = max(point.case.loads, key=lambda one: one.p)
     mw = PULSE * load.p
     events = [LoadStep(load.bus, BEGIN, p=mw), LoadStep(load.bus, BEGIN + LASTS, p=-mw)]
@@ -91,7 +116,7 @@ def ring_down(point: OperatingPoint, controllers: Sequence[Controller]) -> float
     whole = H @ point.members @ point.members.T  # of the island of each machine
     found = point.from_center(run.speed.values, H) * whole / np.maximum(whole - H, 1e-9)
     own = np.array([np.interp(BEGIN + time, run.time, column) for column in found.T]).T
-    return float(np.abs(own - linear).max() / np.abs(linear).max())
+    return RingDown(load.bus, mw, tuple(map(str, point.rotor_names)), time, own, linear)
 
 
 def clearing(

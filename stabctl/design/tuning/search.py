@@ -129,6 +129,8 @@ class Search:
     def check(self, deep: bool) -> Merit:
         """The merit over all scenarios, and if `deep` over all plants; those that decide are the working set."""
         every, now = range(len(self.problem.scenarios)), self.now
+        plants = self.plants if deep else self.watched
+        margin = {k: now.margin(k) for k in plants}
         level = np.array([now.level(k) for k in every])
         soft = np.array([one.floor is None for one in self.problem.scenarios])
         least = level[soft].min(initial=np.inf)
@@ -139,8 +141,6 @@ class Search:
         near = np.argsort(gap)[: np.clip((gap < WITHIN).sum(), FEWEST, MOST)]
         worst = np.argsort(np.where(soft, gap, np.inf))[: min(FEWEST, soft.sum())]
         self.which = sorted({*near.tolist(), *worst.tolist(), *self.joined}, key=lambda k: (gap[k], k))
-        plants = self.plants if deep else self.watched
-        margin = {k: now.margin(k) for k in plants}
         over = [k for k in sorted(margin, key=margin.__getitem__) if margin[k] < 0 and k not in self.watched]
         self.watched += over[:JOIN]
         merit = now.merit(every, plants)

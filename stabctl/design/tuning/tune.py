@@ -38,6 +38,7 @@ def tune(
     disk_margin: float | None = None,
     together: bool = False,
     one_out: bool = False,
+    reserve: float | None = None,
     check_levels: Iterable[float] = (0.9,),
     checks: int = 3,
     starts: int = 5,
@@ -81,6 +82,9 @@ def tune(
         Bound the sensitivity and the disk margin of all loops together, not only of each.
     one_out : bool
         Count the damping with each controller out of service, in the networks without outage.
+    reserve : float, optional
+        Share of the limits of every controller that three standard deviations of its noise, given with the device, must
+        leave. The loop may amplify the noise by as much as its sensitivity.
     check_levels : iterable of float
         Load levels at which the result is checked, with all outages, without being tuned for.
     checks : int
@@ -113,7 +117,7 @@ def tune(
     >>> found.reached
     True
     """
-    asked = _asked(damping, gains, doubled, sensitivity, disk_margin, together, one_out)
+    asked = _asked(damping, gains, doubled, sensitivity, disk_margin, together, one_out, reserve)
     if isinstance(starts, bool) or not isinstance(starts, int) or not 1 <= starts <= MOST_STARTS:
         raise StudyError(f"starts = {shown(starts)} is not allowed; give 1 to {MOST_STARTS}.")
     given = [devices] if isinstance(devices, Device) else [stabilizers()] if devices is None else devices
@@ -130,7 +134,7 @@ def tune(
     with process.one_thread():
         tell("networks", 0.0)
         every, left_out = networks(bases, given, outages, levels, contingencies)
-        parts, unmoved = Parts.of(every, given).movable()
+        parts, unmoved = Parts.of(every, given).movable(damping)
         with Runner(TUNING, store=store, workers=workers) as runner:
             best = Rounds(runner, parts, asked, given, tell).best(starts, seed)
         tell("evidence", 1.0)
@@ -141,7 +145,14 @@ def tune(
 
 
 def _asked(
-    damping: Any, gains: Any, doubled: Any, sensitivity: Any, disk_margin: Any, together: bool, one_out: bool
+    damping: Any,
+    gains: Any,
+    doubled: Any,
+    sensitivity: Any,
+    disk_margin: Any,
+    together: bool,
+    one_out: bool,
+    reserve: Any,
 ) -> Asked:
     def number(name: str, value: Any, low: float, high: float) -> float:
         found = quantity(value, "-") if isinstance(value, str) else value
@@ -162,4 +173,5 @@ def _asked(
         optional("doubled", doubled, -1.0, 1.0),
         tuple(peaks),
         one_out,
+        optional("reserve", reserve, 0.0, 1.0),
     )

@@ -7,6 +7,7 @@ import numpy as np
 from stabctl.design.evidence import Evidence
 from stabctl.design.pairs import Pairs
 from stabctl.design.result import FAST, Design
+from stabctl.design.tuning.robustness import RingDown
 
 from . import style
 from .modes import RATIOS, ray
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 SIZE, TALL, LOW = (5.2, 4.2), (5.6, 5.0), (5.6, 3.2)  # inches; letters stay readable on a phone
 WIDE = 50  # letters in a row of a legend
 MOST = 20  # pairs shown
+EACH = 15  # points of a simulation, of which one is drawn
 
 
 def plot_design(design: Design, *, ax: "Axes | None" = None) -> "Axes":
@@ -100,6 +102,19 @@ def steps(found: Evidence) -> "Figure":
     axes[1, 0].set_xlabel(LABELS["time"])
     figure.align_ylabels(axes)
     return figure
+
+
+def ring_down(found: RingDown, frequency_hz: float) -> "Axes":
+    """Plot the speeds after a pulse of load, of the machines that swing most: simulated, and by the linear model."""
+    ax, scale = single(None, *LOW), 1e3 * frequency_hz
+    most = np.argsort(-np.abs(found.linear).max(axis=0))[: len(COLORS)]
+    for k, color in zip(sorted(most), COLORS, strict=False):
+        name = f"machine {found.machines[k]}"
+        ax.plot(found.time[::EACH], scale * found.simulated[::EACH, k], ".", color=color, markersize=4)
+        style.name(ax.plot(found.time, scale * found.linear[:, k], linewidth=1, color=color, label=name)[0], name)
+    ax.set(xlabel=LABELS["time"], ylabel="speed deviation (mHz)")
+    _above(ax)
+    return ax
 
 
 def own_steps(found: Evidence) -> "Axes":

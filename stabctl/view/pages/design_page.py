@@ -12,6 +12,7 @@ from stabctl._util.wording import number
 from stabctl.design.evidence import Check, Evidence, evidence
 from stabctl.design.result import FAST, SLOW, Design
 from stabctl.design.tuning import Tuned
+from stabctl.design.tuning.robustness import RingDown
 from stabctl.simulation.contingency import Contingency
 from stabctl.smallsignal.modes import Modes
 
@@ -75,8 +76,20 @@ def _tuned(design: Tuned) -> Iterator[Section]:
     yield Section(
         "How it holds elsewhere", [table(elsewhere, _holds(design), "Every mode above 0.1 Hz, of all networks.")]
     )
+    if design.ring_down:
+        yield Section("Ring-down", [_ring_down(design.ring_down, design.base.case.frequency_hz)])
     heads = "controller", "parameter", "value", "bounds", "at a bound"
     yield Section("Parameters", [table(heads, _parameters(design))])
+
+
+def _ring_down(found: RingDown, frequency_hz: float) -> Part:
+    """The speeds after a small pulse, simulated and linear."""
+    return figure(
+        figures.ring_down(found, frequency_hz),
+        "Speeds against the center of inertia of the others",
+        f"after {found.mw:.3g} MW more load at bus {found.bus} for 0.1 s. Dots: nonlinear simulation, with the limits "
+        "of the controllers. Lines: linear model.",
+    )
 
 
 def _modes(found: Evidence) -> list[Part]:
