@@ -138,6 +138,7 @@ OUTPUTS = _kinds(
         "current": ("line", "current line {place}", "pu", "current into a circuit from the first bus named, magnitude"),
     }
 )
+SPEEDS = ("speed", "coi_speed", "rest_speed", "deviation", "frequency", "bus_frequency")  # pu of the rated frequency
 OF_ROTOR = ("speed", "angle", "rest_speed", "deviation", "angle_deviation")  # of a machine, or virtual
 OF_MACHINE = ("efd", "pm", "ifd", "field", "power")
 OF_STORAGE = ("order", "order_q", "order_v")

@@ -22,7 +22,7 @@ from stabctl.controllers.controller import Controller
 from stabctl.controllers.law import Law
 from stabctl.dynamics.named import Named, all_named
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
-from stabctl.dynamics.signals import OUTPUTS, Signal, chosen
+from stabctl.dynamics.signals import OUTPUTS, SPEEDS, Signal, chosen
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
 BAND = (0.1, 10.0)  # Hz
 FEWEST = 6  # frames in a cycle
-SPEEDS = ("speed", "coi_speed", "rest_speed", "deviation", "frequency", "bus_frequency")
 MOST = 3  # signals named in the sentence
 
 EXACT = 1e-8  # residual of a solution, relative to the largest amplitude
