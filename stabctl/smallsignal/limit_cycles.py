@@ -3,7 +3,7 @@
 A swing of one frequency is sustained if u = G(jw) N(|u|) u for what the outputs are asked for, u (outputs), complex.
 One output: G(jw) is real and positive, and N(A) = 1/G gives its amplitude. Several: with equal gains, a characteristic
 locus of G(jw) crosses the positive real axis; from there Newton's method (MINPACK) finds the amplitude and phase of
-each.
+each. Source: A. Gelb, W. Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design, 1968.
 """
 
 from collections.abc import Callable, Iterable, Sequence
