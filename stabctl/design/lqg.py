@@ -1,6 +1,7 @@
 """Linear-quadratic-Gaussian regulator: a sampled controller with its own state estimator.
 
-The plant is reduced. Its inputs are held for a frame and d frames late:
+The plant is reduced to a few states x, x+ a frame later. Its inputs u are held for a frame and d frames late; w and v
+are the noises of the loads and of the measurements y:
 
     x+ = P x + G u(k - d) + w,    y = C x + D u(k - 1 - d) + v
 
@@ -8,8 +9,9 @@ The plant is reduced. Its inputs are held for a frame and d frames late:
     regulator   u = -K [xf; u(k - 1) ... u(k - d)],       K = (R + H' X H)^-1 H' X F
     prediction  x+ = P xf + G u(k - d)
 
-S and X solve the discrete Riccati equations of the noise and of the cost. Source: K. Astrom, B. Wittenmark, Computer
-Controlled Systems, 3rd ed. 1997, chapter 11.
+S and X solve the discrete Riccati equations of the noise and of the cost, V is the covariance of v, R the weight of u,
+and F, H are P, G with the outputs under way, u(k - 1) ... u(k - d), among the states. Source: K. Astrom, B. Wittenmark,
+Computer Controlled Systems, 3rd ed. 1997, chapter 11.
 """
 
 from collections.abc import Sequence
@@ -24,7 +26,7 @@ from stabctl._util.units import megawatts
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.timing import checked_frames, duration
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
-from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
+from stabctl.dynamics.signals import INPUTS, OUTPUTS, SPEEDS, Signal, chosen
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
@@ -35,8 +37,7 @@ from .lqr import stable
 from .quadratic import Regulator, Weights, discrete_riccati, driven, plant, quadratic, robustness, weighed
 from .result import least
 
-NOISE = {"rad": 2e-3, "pu": 2e-3}  # standard deviation of a measurement by its unit
-SPEEDS = ("speed", "rest_speed", "coi_speed", "deviation", "bus_frequency")
+NOISE = 2e-3  # standard deviation of a measurement, rad or pu
 SPEED_NOISE = 5e-3  # Hz
 LIMITED = (
     "The design ignores the limits of the outputs, and the estimator does not know when they act; check the regulator "
@@ -151,7 +152,7 @@ class _Scales:
 
 def _noise(point: OperatingPoint, reads: Sequence[Signal]) -> np.ndarray:
     hz = point.case.frequency_hz
-    return np.array([SPEED_NOISE / hz if s.kind in SPEEDS else NOISE.get(s.unit, 2e-3) for s in reads])
+    return np.array([SPEED_NOISE / hz if s.kind in SPEEDS else NOISE for s in reads])
 
 
 def _reduced(

@@ -5,8 +5,11 @@ The cost of a regulator is
     J = integral of (sum of (deviation of the speeds / speed)^2 + sum of (angle to COI / angle)^2
                      + sum of (output / effort)^2) dt
 
-Its margins hold in every input at once. With the return difference 1 + L at the inputs of the plant, and with
-T = L (1 + L)^-1, the loop stays stable with
+that is, of x' Q x + u' R u for the states x and the outputs u of the regulator, the inputs of the plant
+x' = A x + B u.
+
+The margins hold in every input at once. With the loop gain L at the inputs of the plant, the return difference 1 + L,
+and T = L (1 + L)^-1, the loop stays stable with
 
     gains from 1/(1 + a) to 1/(1 - a),   a = least singular value of 1 + L(jw), at most 1,
     delays t with |exp(-jwt) - 1| s(T(jw)) < 1 at all w,   s the largest singular value,
@@ -20,9 +23,9 @@ The algebraic Riccati equations
     continuous   A' X + X A - X G X + Q = 0
     discrete     A' X (1 + G X)^-1 A + Q = X,       G = B R^-1 B'
 
-are solved by doubling, which takes a tenth of the time of Schur vectors for hundreds of states. Source: E. Chu, H. Fan,
-W. Lin, A structure-preserving doubling algorithm for continuous-time algebraic Riccati equations, Linear Algebra and
-its Applications 396, 2005.
+are solved by doubling, which takes a tenth of the time of Schur vectors for hundreds of states; the Cayley transform
+makes the continuous one discrete. Source: E. Chu, H. Fan, W. Lin, A structure-preserving doubling algorithm for
+continuous-time algebraic Riccati equations, Linear Algebra and its Applications 396, 2005.
 """
 
 from collections.abc import Callable, Sequence
@@ -253,17 +256,17 @@ def robustness(loop: Callable[[float], np.ndarray], damping: float, fastest: flo
     fastest : float, Hz
         Highest frequency; half of the rate of a sampled loop.
     """
-    least, delay = 1.0, np.inf
+    smallest, delay = 1.0, np.inf
     for hz in np.geomspace(HZ[0], fastest, POINTS):
         w = 2 * np.pi * hz
         L = loop(w)
-        back = np.eye(len(L)) + L
-        least = min(least, float(np.linalg.svd(back, compute_uv=False)[-1]))
-        size = float(np.linalg.norm(L @ np.linalg.inv(back), 2))
+        difference = np.eye(len(L)) + L
+        smallest = min(smallest, float(np.linalg.svd(difference, compute_uv=False)[-1]))
+        size = float(np.linalg.norm(L @ np.linalg.inv(difference), 2))
         if size > 0.5:
             delay = min(delay, 2 * np.arcsin(1 / (2 * size)) / w)
-    up = np.inf if least > 1 - ROUND else 1 / (1 - least)
-    return Robustness(damping, 1 / (1 + least), up, delay)
+    up = np.inf if smallest > 1 - ROUND else 1 / (1 - smallest)
+    return Robustness(damping, 1 / (1 + smallest), up, delay)
 
 
 def plant(modes: Modes, C: np.ndarray, D: np.ndarray, rate: int | None = None) -> Callable[[float], np.ndarray]:
@@ -291,24 +294,24 @@ def plant(modes: Modes, C: np.ndarray, D: np.ndarray, rate: int | None = None) -
 
 def continuous_riccati(A: np.ndarray, G: np.ndarray, Q: np.ndarray) -> np.ndarray:
     """The stabilizing solution of the continuous equation. Raises `numpy.linalg.LinAlgError` if there is none."""
-    inverse = np.linalg.inv(A - SHIFT * np.eye(len(A)))
-    W = np.linalg.inv((A - SHIFT * np.eye(len(A))).T + Q @ inverse @ G)
-    return _doubled(np.eye(len(A)) + 2 * SHIFT * W.T, 2 * SHIFT * inverse @ G @ W, 2 * SHIFT * W @ Q @ inverse)
+    one = np.eye(len(A))
+    shifted = A - SHIFT * one
+    inverse = np.linalg.inv(shifted)
+    W = np.linalg.inv(shifted.T + Q @ inverse @ G)
+    return discrete_riccati(one + 2 * SHIFT * W.T, 2 * SHIFT * inverse @ G @ W, 2 * SHIFT * W @ Q @ inverse)
 
 
 def discrete_riccati(A: np.ndarray, G: np.ndarray, Q: np.ndarray) -> np.ndarray:
-    """The stabilizing solution of the discrete equation. Raises `numpy.linalg.LinAlgError` if there is none."""
-    return _doubled(A, G, Q)
+    """The stabilizing solution of the discrete equation: the limit of X, whose horizon every step doubles.
 
-
-def _doubled(A: np.ndarray, G: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """The limit of X; every step doubles the horizon of the optimization."""
-    one = np.eye(len(A))
+    Raises `numpy.linalg.LinAlgError` if there is none.
+    """
+    one, X = np.eye(len(A)), Q
     for _ in range(MOST):
         with np.errstate(over="ignore", invalid="ignore"):
             M = np.linalg.inv(one + G @ X)
             change = A.T @ X @ M @ A
-            A, G, X = A @ M @ A, _even(G + A @ M @ G @ A.T), _even(X + change)
+            A, G, X = A @ M @ A, _symmetric(G + A @ M @ G @ A.T), _symmetric(X + change)
         if not np.isfinite(X).all():
             break
         if np.abs(change).max() <= ENOUGH * np.abs(X).max():
@@ -316,5 +319,5 @@ def _doubled(A: np.ndarray, G: np.ndarray, X: np.ndarray) -> np.ndarray:
     raise np.linalg.LinAlgError("no stabilizing solution")
 
 
-def _even(X: np.ndarray) -> np.ndarray:
+def _symmetric(X: np.ndarray) -> np.ndarray:
     return np.asarray(X + X.T) / 2

@@ -12,7 +12,8 @@ import numpy as np
 from stabctl._util.jit import entry, inline
 from stabctl._util.words import record
 
-from ._swing import angle_variance, current_variance, power_variance, process_covariance
+from ._report_errors import angle_variance, current_variance, power_variance
+from ._swing import process_covariance
 
 
 @record

@@ -1,8 +1,8 @@
 """The machine model of the extended Kalman filters: state transition over a frame, and measurement equation.
 
-The swing equation, the governors and the covariances are those of `swing`. The q-axis rotor circuits of machines with
-subtransient dynamics relate the angle of E'' to that of the rotor. The stator is w (psi''d + j psi''q) exp(j delta) =
-E'' = V + (ra + j x'') I, where w is 1, or omega with the speed factor of GENROU, so that
+The swing equation, the governors and the covariances are those of `_swing` and `_report_errors`. The q-axis rotor
+circuits of machines with subtransient dynamics relate the angle of E'' to that of the rotor. The stator is w (psi''d +
+j psi''q) exp(j delta) = E'' = V + (ra + j x'') I, where w is 1, or omega with the speed factor of GENROU, so that
 
     delta = arg E'' - asin(w psi''q / |E''|).
 
@@ -34,18 +34,14 @@ from scipy.linalg import expm
 
 from ._filter_bank import Seen
 from ._kernels import Constants, Kept, expect, keep, move, see, spread
-from ._swing import (
-    STATES,
-    UNKNOWN,
+from ._report_errors import (
     UNSURE,
-    Governors,
     MissingReports,
-    Tuning,
     computed_angle_variance,
     computed_current_variance,
     computed_power_variance,
-    swing,
 )
+from ._swing import STATES, UNKNOWN, Governors, Tuning, swing
 from .pmu import Frame, Pmu, window
 from .rotor_units import RotorUnits
 

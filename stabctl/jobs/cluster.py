@@ -1,4 +1,8 @@
-"""A Dask cluster, through its executor."""
+"""Jobs of a study on a Dask cluster, through its executor.
+
+What tasks share (a case, an operating point) goes to the workers once. A few tasks per thread are submitted at a time.
+If the scheduler stops, those under way are submitted again to the next one at its address.
+"""
 
 import hashlib
 import logging
@@ -26,8 +30,7 @@ AHEAD = 4  # tasks per thread of the cluster submitted to the scheduler at a tim
 class Cluster:
     """The cluster whose scheduler is at `address`; any thread may use it.
 
-    If the scheduler stops, the jobs under way are submitted again as soon as one answers at the same address. Raises
-    StudyError if no scheduler answers or it has no workers.
+    Raises `StudyError` if no scheduler answers or it has no workers.
     """
 
     def __init__(self, address: str) -> None:

@@ -21,26 +21,19 @@ a fractional knapsack problem. This bound does not depend on the solver; a solut
 """
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from stabctl._util.errors import StudyError
-from stabctl._util.tabular import Tabular
 from stabctl.dynamics.operating_point import OperatingPoint
-from stabctl.model.tables import Storage
 from stabctl.smallsignal import Mode, Modes, analyze, linearize
 
 from .sensitivity import Candidate, checked
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-
 Objective = Literal["min-eigenvalue", "log-det"]
-Caps = float | Sequence[float] | Mapping[tuple[int, int], float]
 MODES = 6  # number of modes considered
 DECAY = 0.5  # 1/s   e^(-2 a t) = 1/e after one second, so the first swings dominate
 EQUAL = 1e-6  # 1/s   decay rates this close count as equal
@@ -49,82 +42,7 @@ NOTHING = 1e-6  # share of the budget that counts as zero
 TIGHT = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-10)
 
 
-@dataclass(frozen=True, repr=False, eq=False)
-class Allocation(Tabular):
-    """Megawatts at every candidate, and the gain of the objective per megawatt."""
-
-    case: str
-    objective: Objective
-    budget_mw: float
-    candidates: tuple[Candidate, ...]
-    sizes: np.ndarray  # (candidates) MW
-    caps: np.ndarray  # (candidates) MW
-    value: float  # lambda_min or log det of W(s)
-    bound: float  # upper bound of the value for any sizes
-    gain: np.ndarray  # (candidates)   gain of the objective per MW, at these sizes
-    alone: np.ndarray  # (candidates)   trace of W_i, of 1 MW alone
-    modes: tuple[Mode, ...]
-    decay: float  # 1/s
-
-    @property
-    def ranking(self) -> tuple[int, ...]:
-        """Rows of the candidates, the largest first; those without storage by their gain."""
-        return tuple(int(i) for i in np.lexsort((-self.gain, -self.sizes)))
-
-    def storage(self, **options: Any) -> tuple[Storage, ...]:
-        """The devices, for `simulate(storage=...)`; options are fields of `Storage`."""
-        return tuple(
-            Storage(c.machine, c.bus, float(s), **options)
-            for c, s in zip(self.candidates, self.sizes, strict=True)
-            if s > 0
-        )
-
-    @property
-    def df(self) -> "pd.DataFrame":
-        """The candidates, a row each, the largest first."""
-        import pandas as pd
-
-        table = pd.DataFrame(self.candidates, columns=Candidate._fields)
-        table = table.assign(mw=self.sizes, cap_mw=self.caps, gain_per_mw=self.gain, alone_per_mw=self.alone)
-        return table.iloc[list(self.ranking)].reset_index(drop=True)
-
-    def __str__(self) -> str:
-        head = [
-            f"{self.case}: {self.budget_mw:g} MW by {self.objective}, {self.value:.4g} (at most {self.bound:.4g})",
-            *(f"  mode {m}" for m in self.modes),
-            "device          MW        cap    gain/MW   alone/MW",
-        ]
-        rows = [
-            f"{self.candidates[i]!s:8} {self.sizes[i]:9.2f} {self.caps[i]:10.4g} {self.gain[i]:10.3g} "
-            f"{self.alone[i]:10.3g}"
-            for i in self.ranking
-        ]
-        return "\n".join(head + rows)
-
-
-def by_gramian(
-    point: OperatingPoint,
-    candidates: Iterable[tuple[int, int]] | None = None,
-    budget_mw: float = 100.0,
-    caps_mw: Caps = np.inf,
-    *,
-    objective: Objective = "min-eigenvalue",
-    modes: int | Sequence[float] = MODES,
-    decay: float = DECAY,
-) -> Allocation:
-    """Allocate a budget among the candidates by their modal controllability.
-
-    Parameters
-    ----------
-    point, candidates, modes, decay
-        As in `gramians`.
-    budget_mw, caps_mw, objective
-        As in `allocate`.
-    """
-    return allocate(gramians(point, candidates, modes, decay), budget_mw, caps_mw, objective)
-
-
-@dataclass(frozen=True, repr=False, eq=False)
+@dataclass(frozen=True, eq=False)
 class Gramians:
     """Gramian of 1 MW of storage at each candidate; that of sizes s (MW) is W(s) = sum s_i W_i.
 
@@ -139,26 +57,15 @@ class Gramians:
     B: np.ndarray  # (2m, candidates)   per MW, z in root(MW s)
     W: np.ndarray  # (candidates, 2m, 2m)
 
-    @property
-    def alone(self) -> np.ndarray:
-        """Trace of every W_i (candidates): twice the energy of all modes that 1 MW excites."""
-        return np.trace(self.W, axis1=1, axis2=2)
-
     def of(self, sizes: np.ndarray) -> np.ndarray:
         """W(s) (2m, 2m) of sizes (candidates) in MW."""
         return np.tensordot(sizes, self.W, 1)
-
-    def __str__(self) -> str:
-        listed = ", ".join(f"{m.frequency_hz:.3f} Hz" for m in self.modes)
-        return f"{self.case}: Gramians of {len(self.candidates)} candidates in the modes of {listed}"
-
-    __repr__ = __str__
 
 
 def gramians(
     point: OperatingPoint,
     candidates: Iterable[tuple[int, int]] | None = None,
-    modes: int | Sequence[float] = MODES,
+    modes: int = MODES,
     decay: float = DECAY,
 ) -> Gramians:
     """The Gramians of every candidate at an operating point.
@@ -169,9 +76,8 @@ def gramians(
         The system.
     candidates : iterable of (machine, bus), optional
         Possible storage sites; by default every machine's storage bus.
-    modes : int or sequence of float
-        Number of electromechanical modes, those that decay slowest (of undamped ones the slowest), or frequencies
-        (Hz): the nearest mode to each.
+    modes : int
+        Number of electromechanical modes, those that decay slowest (of undamped ones the slowest).
     decay : float, 1/s
         a above; 0 for the textbook Gramian.
 
@@ -184,8 +90,6 @@ def gramians(
     buses = list(dict.fromkeys(c.bus for c in found))
     all_modes = analyze(linearize(point, [f"storage:{bus}" for bus in buses]))
     chosen = critical_modes(all_modes, modes)
-    if not 0 <= decay < np.inf:
-        raise StudyError(f"The decay {decay:g} 1/s is not allowed; it must be 0 or more.")
     s = all_modes.eigenvalues[chosen]
     if not (s.real - decay < -EQUAL).all():
         worst = chosen[int(s.real.argmax())]
@@ -205,22 +109,14 @@ def gramians(
     return Gramians(point.case.name, found, tuple(all_modes.mode(k) for k in chosen), float(decay), A, B, W)
 
 
-def critical_modes(modes: Modes, wanted: int | Sequence[float] = MODES) -> list[int]:
-    """Numbers of the electromechanical modes that decay slowest, or of those nearest to some frequencies (Hz)."""
-    swings, name = modes.swings(), modes.linear.point.case.name
+def critical_modes(modes: Modes, most: int = MODES) -> list[int]:
+    """Numbers of the electromechanical modes that decay slowest."""
+    swings = modes.swings()
     if not swings:
+        name = modes.linear.point.case.name
         raise StudyError(f"{name} has no electromechanical mode; siting by Gramians needs at least two rotor units.")
-    if isinstance(wanted, int | np.integer):
-        if wanted < 1:
-            raise StudyError(f"{wanted} modes of {name} are not allowed; choose 1 to {len(swings)}.")
-        slowest = sorted(
-            swings, key=lambda k: (round(float(-modes.eigenvalues[k].real) / EQUAL), modes.frequency_hz[k])
-        )
-        return slowest[:wanted]
-    near = [min(swings, key=lambda k: abs(modes.frequency_hz[k] - hz)) for hz in wanted]
-    if not near or not np.isfinite(list(wanted)).all():
-        raise StudyError(f"No mode of {name} is selected; give the frequencies of the modes in Hz.")
-    return list(dict.fromkeys(near))
+    decay = -modes.eigenvalues.real
+    return sorted(swings, key=lambda k: (round(float(decay[k]) / EQUAL), modes.frequency_hz[k]))[:most]
 
 
 def _real(m: int) -> np.ndarray:
@@ -229,9 +125,16 @@ def _real(m: int) -> np.ndarray:
     return np.stack([np.c_[eye, eye], 1j * np.c_[eye, -eye]], axis=1).reshape(2 * m, 2 * m)
 
 
-def allocate(
-    g: Gramians, budget_mw: float, caps_mw: Caps = np.inf, objective: Objective = "min-eigenvalue"
-) -> Allocation:
+class Allocation(NamedTuple):
+    """Sizes of all candidates, and how good they are."""
+
+    sizes: np.ndarray  # (candidates) MW
+    value: float  # lambda_min or log det of W(s)
+    bound: float  # upper bound of the value for any sizes
+    gain: np.ndarray  # (candidates)   gain of the objective per MW, at these sizes
+
+
+def allocate(g: Gramians, budget_mw: float, caps: np.ndarray, objective: Objective) -> Allocation:
     """Allocate a budget among the candidates of some Gramians.
 
     Parameters
@@ -239,23 +142,17 @@ def allocate(
     g : Gramians
         The Gramians.
     budget_mw : float, MW
-        Sum of the sizes.
-    caps_mw : float, sequence or mapping, MW
-        Largest size of all candidates, or of each, in order or by (machine, bus).
+        Sum of the sizes, more than 0.
+    caps : (candidates,) array, MW
+        Largest sizes.
     objective : {"min-eigenvalue", "log-det"}
         What is maximized.
 
     Raises
     ------
     StudyError
-        For a budget that is not positive or exceeds the caps, for negative caps, and if the program has no accurate
-        solution.
+        For a budget that exceeds the caps, and if the program has no accurate solution.
     """
-    if objective not in get_args(Objective):
-        raise StudyError(f"{objective!r} is not an objective; choose one of {', '.join(get_args(Objective))}.")
-    if not 0 < budget_mw < np.inf:
-        raise StudyError(f"The budget of {budget_mw:g} MW is not allowed; it must be more than 0.")
-    caps = _caps(g, caps_mw)
     if not budget_mw <= caps.sum():
         raise StudyError(
             f"The budget of {budget_mw:g} MW exceeds the caps of the {len(caps)} candidates, {caps.sum():g} MW in "
@@ -281,26 +178,7 @@ def allocate(
         value, gap = least, best - least
     if not gap <= GAP * (1.0 if objective == "log-det" else least):
         raise StudyError(_unsolved(g, objective))
-    parts = (g.candidates, sizes, caps, value, value + max(gap, 0.0), gain, g.alone, g.modes, g.decay)
-    return Allocation(g.case, objective, float(budget_mw), *parts)
-
-
-def _caps(g: Gramians, given: Caps) -> np.ndarray:
-    """Caps (candidates) in MW."""
-    if isinstance(given, Mapping):
-        for c in g.candidates:
-            if c not in given:
-                raise StudyError(f"The candidate {c} has no cap; give one in MW for every candidate.")
-        given = [given[c] for c in g.candidates]
-    caps = np.asarray(given, float)
-    if caps.ndim and caps.shape != (len(g.candidates),):
-        count = len(g.candidates)
-        raise StudyError(f"There are {caps.size} caps for {count} candidates; give one for all or one for each.")
-    caps = np.broadcast_to(caps, len(g.candidates)).copy()
-    for c, cap in zip(g.candidates, caps, strict=True):
-        if not cap >= 0:
-            raise StudyError(f"The cap of {cap:g} MW for candidate {c} is not allowed; it must be 0 or more.")
-    return caps
+    return Allocation(sizes, value, value + max(gap, 0.0), gain)
 
 
 class AllocationProgram:

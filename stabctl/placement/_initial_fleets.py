@@ -89,7 +89,7 @@ def linear_fleet(search: CuttingPlanes, uniform: np.ndarray) -> np.ndarray | Non
         return None
     for objective in get_args(Objective):
         try:
-            mw = allocate(found, budget, trials.cap.tolist(), objective).sizes
+            mw = allocate(found, budget, trials.cap, objective).sizes
         except StudyError:
             continue
         enough = trials.all_survived(largest_scaling(trials, mw) * mw)

@@ -24,7 +24,7 @@ from stabctl.devices.blocks import copy
 from stabctl.dynamics.perform import perform
 
 from ._buffers import NOTE
-from ._elimination import Pattern, eliminate, substitute
+from ._newton_factors import Pattern, eliminate, substitute
 from ._substitution import backward, forward, middle, solve_apart
 from ._voltages import AWAY, CLOSE, FAILED, LIMIT, TOLERANCE, draw, iterate, square
 

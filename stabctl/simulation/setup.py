@@ -12,7 +12,7 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.program import Program
 from stabctl.model.network import Switching
 
-from . import closed, steps
+from . import loop_eigenvalues, steps
 from ._places import Places
 from .attached import Attached, attached
 from .control import Acting, Control, acting
@@ -38,7 +38,7 @@ class Setup:
     parts: Acting  # of the control
     attached: Attached
     wired: Wired
-    closed: closed.Eigenvalues  # of the loop that the control closes
+    closed: loop_eigenvalues.Eigenvalues  # of the loop that the control closes
     step: float  # s   largest time step
     criterion: Criterion
     rules: Any  # the criterion as numbers
@@ -81,7 +81,7 @@ def setup(
     parts = acting(control)
     given = attached(point, parts.controllers, parts.measured)
     system = wired(given.point, parts.law, given.rates, given.gates)
-    loop = closed.eigenvalues(given, parts.law, system)
+    loop = loop_eigenvalues.eigenvalues(given, parts.law, system)
     longest = parts.law.step if parts.law else steps.STEP
     own = steps.checked(given.point, step, loop.fastest, longest)
     judged = np.asarray(with_frequency(criterion, given.point.system))

@@ -17,7 +17,7 @@ from stabctl.model import naming, network
 from stabctl.model.location import circuit
 from stabctl.model.network import Switching
 
-from ._elimination import Pattern, pattern
+from ._newton_factors import Pattern, pattern
 from ._places import Net
 from ._substitution import factor
 

@@ -19,6 +19,7 @@ The determinant of the pencil is the product of those of all units (F - s) and o
 the boundary the phase of each det N is followed from point to point. It is computed at each point from the factors, and
 between two points it is known from their series to less than half a turn, so no turn can be lost: there are as many
 points as that takes. What remains is rounding: the number of turns comes out as a whole number.
+Source of the principle: L. Ahlfors, Complex Analysis, 3rd ed. 1979, ch. 4, section 5.2.
 """
 
 from collections.abc import Callable
@@ -27,10 +28,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg as sl
-import scipy.sparse as sp
 from scipy.linalg.lapack import dgebal, zgetrf, zgetrs
-from scipy.sparse.csgraph import connected_components
 
 NEAR = 1e-6  # reach, relative to |s|, below which an eigenvalue lies on the boundary
 WHOLE = 1e-3  # turns   largest rounding error
@@ -279,19 +277,6 @@ def _turned(a: Point, b: Point) -> float:
     return float((expected + (turned - expected + np.pi) % (2 * np.pi) - np.pi).sum())
 
 
-def units(fx: sp.csc_matrix, fv: sp.csr_matrix, gx: sp.csc_matrix) -> list[Units]:
-    """The units of x' = fx x + fv v with currents gx x, balanced, in groups of equal size."""
-    _, label = connected_components(fx, directed=False)
-    order = np.argsort(label, kind="stable")
-    groups: dict[tuple[int, int], list[tuple[np.ndarray, ...]]] = {}
-    for x in np.split(order, np.cumsum(np.bincount(label))[:-1]):
-        v = np.union1d(gx[:, x].indices, fv[x].indices)
-        F, B, C = (M.toarray() for M in (fx[x][:, x], fv[x][:, v], gx[v][:, x]))
-        scale = np.diag(sl.matrix_balance(F, permute=False)[1])
-        groups.setdefault(B.shape, []).append((F * scale / scale[:, None], B / scale[:, None], C * scale, v))
-    return [Units(*(np.array(part) for part in zip(*group, strict=True))) for group in groups.values()]
-
-
 def series(u: Units, s: complex) -> Series:
     """The admittances of some units around a point s (1/s)."""
     R, (count, n, m) = np.linalg.inv(u.F - s * np.eye(u.F.shape[1])), u.B.shape
@@ -307,7 +292,6 @@ def series(u: Units, s: complex) -> Series:
     return Series(terms.reshape(count, m, TERMS + 1, m).transpose(2, 0, 1, 3), beyond.T, np.linalg.norm(R, axis=(1, 2)))
 
 
-# The fronts at one point.
 def _of_area(area: Area, seen: list[Series], blocks: list[np.ndarray]) -> Front:
     """The front of an area, whose terms E_j = N0^-1 D_j have only the blocks of its units in D_j."""
     N = area.Y.astype(complex)

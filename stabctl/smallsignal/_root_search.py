@@ -3,7 +3,9 @@
 Region: |s| < radius with Re s > -left, and every s with Re s > edge, edge <= 0. Beyond a bound no root has Re s > edge
 (`Characteristic.bound`), so the path around the region runs from there down along Re s = edge and around the circle.
 Starting values are corrected by Newton's method; of those that meet, a small circle tells how many roots they are. What
-is then still missing is enclosed by rectangles that are counted, halved, and searched without the roots known.
+is then still missing is enclosed by rectangles that are counted, halved, and searched with the known roots divided out
+(H. Maehly). Source: L. Delves, J. Lyness, A numerical method for locating the zeros of an analytic function,
+Mathematics of Computation 21, 1967. E and H are those of `_characteristic`.
 """
 
 from typing import NamedTuple
@@ -28,7 +30,7 @@ BELOW = 0.05  # of the radius, by which rectangles reach below the real axis
 
 
 class Region(NamedTuple):
-    """|s| < radius with Re s > -left, and Re s >= edge, where |s - edge| < far holds all roots; 1/s."""
+    """|s| < radius with Re s > -left, and Re s > edge, where |s - edge| < far holds all roots; 1/s."""
 
     radius: float
     left: float

@@ -3,7 +3,7 @@
 A swing of one frequency is sustained if u = G(jw) N(|u|) u for what the outputs are asked for, u (outputs), complex.
 One output: G(jw) is real and positive, and N(A) = 1/G gives its amplitude. Several: with equal gains, a characteristic
 locus of G(jw) crosses the positive real axis; from there Newton's method (MINPACK) finds the amplitude and phase of
-each.
+each. Source: A. Gelb, W. Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design, 1968.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -22,7 +22,7 @@ from stabctl.controllers.controller import Controller
 from stabctl.controllers.law import Law
 from stabctl.dynamics.named import Named, all_named
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
-from stabctl.dynamics.signals import OUTPUTS, Signal, chosen
+from stabctl.dynamics.signals import OUTPUTS, SPEEDS, Signal, chosen
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
 BAND = (0.1, 10.0)  # Hz
 FEWEST = 6  # frames in a cycle
-SPEEDS = ("speed", "coi_speed", "rest_speed", "deviation", "frequency", "bus_frequency")
 MOST = 3  # signals named in the sentence
 
 EXACT = 1e-8  # residual of a solution, relative to the largest amplitude

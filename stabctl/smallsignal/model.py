@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-STEPS = 400  # of the grid of frequencies, and
-AROUND = np.tan(np.linspace(-1.5, 1.5, 31))  # points around each resonance, in widths
+STEPS = 400  # of a grid of frequencies
+AROUND = np.tan(np.linspace(-1.5, 1.5, 31))  # its points around each resonance, in widths of it
 
 
 @dataclass(frozen=True, repr=False)
@@ -160,15 +160,20 @@ class Linear(Model):
     """
 
     point: OperatingPoint
-    places: tuple[layout.StatePlace, ...]  # device, machine and name of every state
+    places: tuple[layout.StatePlace, ...]
 
     reduce = verb("stabctl.smallsignal.reduce:reduce")
 
     def speeds(self) -> np.ndarray:
         """Indices of the speeds among the states, of the rotors whose speed is a state."""
-        found, layout = {p.unit: k for k, p in enumerate(self.places) if p.name == "omega"}, self.point.layout
+        found = {p.unit: k for k, p in enumerate(self.places) if p.name == "omega"}
         rotors = self.point.rotors
-        return np.array([found[unit] for unit in rotors.unit[rotors.speed < layout.nx]], int)
+        return np.array([found[unit] for unit in rotors.unit[rotors.speed < self.point.layout.nx]], int)
+
+    def angles(self) -> np.ndarray:
+        """Indices (rotor units) of the angles among the states."""
+        found = {p.unit: k for k, p in enumerate(self.places) if p.name == "delta"}
+        return np.array([found[unit] for unit in self.point.rotors.unit], int)
 
     def rotation(self) -> np.ndarray:
         """The change of the states (states, islands) when all angles of an island are rotated by 1 rad.
@@ -196,7 +201,7 @@ class Linear(Model):
         return found[:, found.any(axis=0)]
 
     def _islands(self) -> np.ndarray:
-        """Island of the bus of every state of the system (states); that of a device without a bus is not meant."""
+        """Island of the bus of every state of the system (states); 0 for a device without a bus."""
         places, islands = self.point.layout, self.point.island
         found = np.zeros(places.nx, int)
         for f in self.point.system.families:
@@ -205,11 +210,6 @@ class Linear(Model):
                 bus = (f.w[:, family.BUS] - places.voltages.start) // 2
                 found[f.w[:, [family.STATE]] + np.arange(states)] = islands[bus, None]
         return found
-
-    def angles(self) -> np.ndarray:
-        """Indices (rotor units) of the angles among the states."""
-        found = {p.unit: k for k, p in enumerate(self.places) if p.name == "delta"}
-        return np.array([found[unit] for unit in self.point.rotors.unit], int)
 
 
 def linearize(

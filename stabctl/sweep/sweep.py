@@ -9,7 +9,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from stabctl import io
 from stabctl._util import process
@@ -25,7 +25,7 @@ from stabctl.jobs import Row, Task
 from stabctl.jobs.cluster import Cluster
 from stabctl.jobs.store import Store
 from stabctl.jobs.task import fingerprint, sha256, text
-from stabctl.model import fleet, unusual
+from stabctl.model import unusual
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
 
@@ -149,9 +149,11 @@ def run_sweep(
 
 
 def _rows(missing: list[Task], workers: int, scheduler: str | None) -> Generator[Row, None, None]:
-    if missing and scheduler is None:
+    if not missing:
+        return
+    if scheduler is None:
         yield from pool.rows(missing, workers)
-    elif missing and scheduler is not None:
+    else:
         with closing(Cluster(scheduler)) as cluster:
             yield from cluster.rows(missing)
 
@@ -244,7 +246,6 @@ CHECKS: dict[str, Callable[[Case, str], object]] = {
     "resolution": lambda case, text: seconds(text, case.frequency_hz),
     "limit": lambda case, text: seconds(text, case.frequency_hz),
     "scan": lambda case, text: text if text == AUTO else seconds(text, case.frequency_hz),
-    "storage": lambda case, text: fleet.devices(case, text.replace("%dispatch", "%mva")),
 }
 
 
@@ -262,7 +263,7 @@ def _check(path: Path, job: Job, case: Case, checked: set[tuple[str, ...]]) -> N
     key = (job.case, job.set, job.storage, *map(str, job.devices.values()))
     if job.storage and key not in checked:
         try:
-            case.with_storage(job.storage.replace("%dispatch", "%mva"), **job.devices)
+            _with_storage(case, job, **job.devices)
         except StabctlError as error:
             raise StudyError(f"{path}, storage = {job.storage!r}: {error}") from None
         checked.add(key)
@@ -272,10 +273,15 @@ def _check(path: Path, job: Job, case: Case, checked: set[tuple[str, ...]]) -> N
         raise StudyError(f"{path}: {error}") from None
 
 
+def _with_storage(case: Case, job: Job, **options: Any) -> Case:
+    """The case with the storage of a job; no size matters here, so that no dispatch needs a power flow."""
+    return case.with_storage(job.storage.replace("%dispatch", "%mva"), **options)
+
+
 def _signals(path: Path, job: Job, case: Case, controllers: Sequence[Controller | Law]) -> None:
     """Reject controllers of signals that the case does not have with the storage of the job."""
     if controllers and job.storage:
-        case = case.with_storage(job.storage.replace("%dispatch", "%mva"))
+        case = _with_storage(case, job)
     try:
         for one in (c for c in controllers if isinstance(c, Controller)):
             chosen(case, one.inputs, OUTPUTS)

@@ -115,6 +115,14 @@ def test_measurements_that_cross_the_network(base):
     assert base.margins(found.controller).gain_up == pytest.approx(found.own.gain_up, rel=0.02)  # 2.89
 
 
+def test_every_speed_and_frequency_is_measured_with_the_same_noise(base):
+    """5 mHz, also of the exact frequency of a bus."""
+    found = lqg(base, inputs="frequency:7", delay="50ms"), lqg(base, inputs="bus_frequency:7", delay="50ms")
+    up, down = ([getattr(one.own, name) for one in found] for name in ("gain_up", "gain_down"))
+    assert up[0] == pytest.approx(up[1], rel=0.1)  # 2.63, 2.79
+    assert down[0] == pytest.approx(down[1], rel=0.1)  # 0.617, 0.609
+
+
 def test_a_regulator_behind_kalman_filters(base, measured):
     """The system survives a fault that it does not survive without control, with true and with estimated signals."""
     fault = st.Contingency("7-8@0.4", clear="24cyc", at="0.5s")

@@ -69,7 +69,7 @@ EDITS = {
     "simulation/stepper.py": {"advance"},
     "simulation/_voltages.py": STEPPER,
     "simulation/_newton.py": {"newton"},
-    "simulation/_elimination.py": {"newton"},
+    "simulation/_newton_factors.py": {"newton"},
     "simulation/_substitution.py": STEPPER,
     "model/powerflow.py": set(),
     "dynamics/newton.py": set(),

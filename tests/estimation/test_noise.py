@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stabctl.estimation._swing import angle_variance, current_variance, power_variance
+from stabctl.estimation._report_errors import angle_variance, current_variance, power_variance
 
 
 def drawn(seed, sa, sm, n=200000):

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.dynamics.operating_point import initialize
-from stabctl.simulation import closed
+from stabctl.simulation import loop_eigenvalues
 from stabctl.simulation.setup import setup
 
 NONE = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))
@@ -93,8 +93,8 @@ def test_a_large_system_needs_only_its_fastest_eigenvalue(points, monkeypatch):
     point = stored(points, "two_area", "70MW")
     dense = loop_of(point, st.Feedback(25.0))
     vars(point).pop("closed")
-    monkeypatch.setattr(closed, "DENSE", 5)
-    assert loop_of(point, st.Feedback(25.0)) == pytest.approx(dense, rel=closed.ACCURACY)
+    monkeypatch.setattr(loop_eigenvalues, "DENSE", 5)
+    assert loop_of(point, st.Feedback(25.0)) == pytest.approx(dense, rel=loop_eigenvalues.ACCURACY)
 
 
 CONVERTERS = "regc", "regc_b", "regc_c", "regc_repc", "regfm", "regfm_b1"
@@ -108,7 +108,7 @@ def fleet(case, megawatts=50.0, **given):
 @pytest.mark.parametrize("gain", [0.5, 8.0])
 def test_so_it_is_beside_converters(points, monkeypatch, model, gain):
     """Beside a grid-forming one it was told as 142,021 1/s, whatever the gain, and the step was 83 times too short."""
-    monkeypatch.setattr(closed, "DENSE", 1000)
+    monkeypatch.setattr(loop_eigenvalues, "DENSE", 1000)
     case = points("two_area").case
     point = initialize(case, fleet(case, storage_model=model))
     law = st.Feedback(gain)
@@ -215,7 +215,7 @@ def test_the_eigenvalue_that_grows_is_the_rightmost(points, gain):
     last = np.linalg.eigvals(point.closed_loop(*law.controllers(point.case)).A)
     last = last[last.real.argmax()]
     _, growing = setup(point, law).closed
-    assert (growing is not None) == (last.real > closed.GROWING) == (gain < 0)
+    assert (growing is not None) == (last.real > loop_eigenvalues.GROWING) == (gain < 0)
     if growing is not None:
         assert growing.real == pytest.approx(last.real, rel=1e-8)
         assert abs(growing.imag) == pytest.approx(abs(last.imag), rel=1e-8)

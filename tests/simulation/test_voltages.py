@@ -12,7 +12,7 @@ from stabctl.controllers import Feedback
 from stabctl.devices import of
 from stabctl.dynamics import _codegen, family, operating_point
 from stabctl.simulation import center, frame, line, lti
-from stabctl.simulation._elimination import eliminate, pattern, substitute
+from stabctl.simulation._newton_factors import eliminate, pattern, substitute
 from stabctl.simulation._substitution import backward, factor, forward
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run

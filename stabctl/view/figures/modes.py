@@ -1,4 +1,4 @@
-"""Figures of modes: eigenvalues with lines of constant damping, and the shape of a mode."""
+"""Figures of modes: eigenvalues with lines of constant damping, the shape of a mode, what changes its damping."""
 
 import math
 from typing import TYPE_CHECKING, Any
@@ -74,36 +74,6 @@ def plot_modes(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
     return ax
 
 
-def plot_sensitivity(found: Sensitivity, *, ax: "Axes | None" = None) -> "Axes":
-    """Plot by how much parameters change the damping ratio of a mode, the 20 with the largest changes.
-
-    Parameters
-    ----------
-    found
-        The sensitivities.
-    ax
-        Axes to draw on. Default: a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        Changes in percentage points per 1 % of each parameter, or per 0.01 of its unit if it is 0.
-
-    Examples
-    --------
-    >>> st.load("two_area").modes().sensitivity("pss").plot().figure.savefig("sensitivity.png")
-    """
-    rows = found.rows[:MOST]
-    ax = single(ax, SIZE[0], 1.2 + 0.24 * len(rows))
-    percent = [100 * row.damping_ratio for row in rows]
-    for bar, row, size in zip(ax.barh(range(len(rows)), percent, 0.6, color=COLORS[0]), rows, percent, strict=True):
-        style.name(bar, f"{row.path} = {row.value:g} {row.unit}: {size:+.3g} % per {row.step:g}")
-    ranked(ax, [row.path if row.value else f"{row.path} (0)" for row in rows])
-    ax.axvline(0, color=GRAY, linewidth=1)
-    ax.set_xlabel("change of the damping ratio (%) per 1 % of the parameter")
-    return ax
-
-
 def describe(mode: Mode) -> str:
     """A mode in one line: what it is, its frequency, and its damping ratio."""
     return f"{mode.label}: {mode.frequency_hz:.3f} Hz, damping ratio {100 * mode.damping_ratio:.2f} %"
@@ -156,8 +126,7 @@ def plot_mode_shape(mode: Mode, *, ax: "PolarAxes | None" = None) -> "PolarAxes"
     for p, at in zip(named, spread([p.angle_deg for p in named], GAP), strict=True):
         rim, angle = math.radians(at), math.radians(p.angle_deg)
         ax.plot((angle, rim), (p.magnitude, 1.06), color=GRAY, linewidth=0.6, clip_on=False, zorder=2)
-        text: Any = {"color": _color(p, lead), "ha": "center", "va": "center", "fontsize": "small"}
-        ax.text(rim, 1.17, str(p.machine), **text)
+        ax.text(rim, 1.17, str(p.machine), color=_color(p, lead), ha="center", va="center", fontsize="small")
     return ax
 
 
@@ -189,3 +158,33 @@ def spread(angles: list[float], gap: float) -> list[float]:
     start = angles[order[0]] % 360
     placed = apart([start + (angles[i] % 360 - start) % 360 for i in order], gap)
     return [at for _, at in sorted(zip(order, placed, strict=True))]
+
+
+def plot_sensitivity(found: Sensitivity, *, ax: "Axes | None" = None) -> "Axes":
+    """Plot by how much parameters change the damping ratio of a mode, the 20 with the largest changes.
+
+    Parameters
+    ----------
+    found
+        The sensitivities.
+    ax
+        Axes to draw on. Default: a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        Changes in percentage points per 1 % of each parameter, or per 0.01 of its unit if it is 0.
+
+    Examples
+    --------
+    >>> st.load("two_area").modes().sensitivity("pss").plot().figure.savefig("sensitivity.png")
+    """
+    rows = found.rows[:MOST]
+    ax = single(ax, SIZE[0], 1.2 + 0.24 * len(rows))
+    percent = [100 * row.damping_ratio for row in rows]
+    for bar, row, size in zip(ax.barh(range(len(rows)), percent, 0.6, color=COLORS[0]), rows, percent, strict=True):
+        style.name(bar, f"{row.path} = {row.value:g} {row.unit}: {size:+.3g} % per {row.step:g}")
+    ranked(ax, [row.path if row.value else f"{row.path} (0)" for row in rows])
+    ax.axvline(0, color=GRAY, linewidth=1)
+    ax.set_xlabel("change of the damping ratio (%) per 1 % of the parameter")
+    return ax

@@ -1,12 +1,13 @@
 """The eigenvalues of a system whose loops are closed by continuous controllers and a storage law.
 
-With x' = A x + B u and accelerations a = A_w x + L u of the linearized system, and orders u = K x + G a of a law,
+A run needs the fastest, which limits its time step, and the one that grows, of which it warns. With x' = A x + B u and
+accelerations a = A_w x + L u of the linearized system, and orders u = K x + G a of a law,
 
     x' = (A + B inv(1 - G L) (K + G A_w)) x
 
-A and B are those of `closed_loop`: the exact derivatives of the devices, with the voltages eliminated. Deadbands and
-limits of controllers are left out: so the loop is where it acts. Relays and sampled controllers close no
-loop here, because what they give is constant between two instants.
+A and B are those of `closed_loop`: the exact derivatives of the devices, with the voltages eliminated. Controllers are
+taken without deadbands and limits, as they are where they act. Relays and sampled controllers close no loop here,
+because what they give is constant between two instants.
 """
 
 from collections.abc import Callable

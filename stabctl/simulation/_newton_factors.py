@@ -1,6 +1,7 @@
-"""Factors of Y - D on the iterated rows of a network, where D are the slopes of voltage-dependent currents.
+"""Factors of the Jacobian of Newton's method for the bus voltages: Y - D on the iterated rows of a network.
 
-The current of a bus follows the real and the imaginary part of its voltage, each with a slope of its own:
+Y are the admittances, and D the slopes of the voltage-dependent currents (pu). The current of a bus follows the real
+and the imaginary part of its voltage, each with a slope of its own:
 
     di = p Re dv + q Im dv
 
