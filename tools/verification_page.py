@@ -7,12 +7,26 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from stabctl.verification import Verification, verify
+import numpy as np
+from matplotlib.figure import Figure
+
+from stabctl.verification import Verification, traces, verify
 from stabctl.verification.compare import text
-from stabctl.verification.systems import System, systems
+from stabctl.verification.systems import System, folder_of, systems
+from stabctl.view.figures import style
+from stabctl.view.figures.palette import COLORS
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGE, FIGURE = DOCS / "verification.md", DOCS / "figures" / "verification.png"
+OVERLAY = DOCS / "figures" / "verification_traces.png"
+SHOWN = {  # system, signal -> what it is, and until when it is drawn (s)
+    ("pstess_two_area_run", "angle_deg:1"): ("Two areas, angle of machine 1 (degrees), PSTess", 10),
+    ("pstess_two_area_run", "efd_pu:2"): ("Two areas, field voltage of machine 2 (pu), PSTess", 10),
+    ("pstess_wnaps_run", "speed_pu:14"): ("Reduced Western system, speed of machine 14 (pu), PSTess", 10),
+    ("psse_esac1a", "angle_deg:102/1"): ("Three buses, GENROU with ESAC1A, angle (degrees), PSS/E", 10),
+    ("openipsl_gensal", "angle_deg:1/1"): ("One machine, GENSAL, angle (degrees), OpenIPSL", 10),
+    ("openipsl_scrx", "v_pu:1"): ("One machine, GENROU with SCRX, voltage (pu), OpenIPSL", 5),
+}
 INTRODUCTION = """# Verification
 
 Numbers of known systems, published or computed by other programs, beside those of stabctl. This page is written by
@@ -25,6 +39,10 @@ Files that may not be passed on are downloaded by `stabctl verify --download`, a
 eigenvalue is compared with the nearest of ours; an oscillation counts as two numbers.
 
 ![Reference oscillations and ours, and all differences](figures/verification.png)
+
+Traces of other programs and of stabctl after a fault, or after a line has opened:
+
+![Six traces of PSTess, PSS/E and OpenIPSL, each on top of ours](figures/verification_traces.png)
 """
 
 
@@ -62,6 +80,22 @@ def _about(of: System) -> Iterator[str]:
         yield f"Data: {', '.join(f'[{one.name}]({one.url})' for one in of.files)} ({of.license})."
 
 
+def overlay() -> Figure:
+    """Six traces: ours as lines, those of the other programs as dots."""
+    figure, axes = style.subplots(9.6, 7.2, rows=3, columns=2)
+    for ax, ((name, signal), (what, until)) in zip(axes.flat, SHOWN.items(), strict=True):
+        system = systems()[name]
+        case = system.read(folder_of(None))
+        (theirs,) = (one for one in traces.traces(system, case) if one.signal == signal)
+        run, table = traces.run(system, case, until)
+        ax.plot(run.time, table[signal], color=COLORS[0], linewidth=1.2, label="stabctl")
+        shown = np.flatnonzero(theirs.time <= until)[::2]
+        ax.plot(theirs.time[shown], theirs.theirs[shown], ".", color=COLORS[1], ms=4, label=what.rpartition(", ")[2])
+        ax.set(title=what.rpartition(", ")[0], xlabel="time (s)", xlim=(0, until))
+        ax.legend(loc="best")
+    return figure
+
+
 def _table(heads: tuple[str, ...], rows: Iterator[tuple[str, ...]]) -> str:
     lines = [heads, ("---",) * len(heads), *rows]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
@@ -73,4 +107,5 @@ if __name__ == "__main__":
         sys.exit(f"Files are missing of {', '.join(result.missing)}: stabctl verify --download")
     PAGE.write_text("\n".join(page(result)), encoding="utf-8")
     result.plot().savefig(FIGURE)
-    print(f"wrote {PAGE} and {FIGURE}")
+    overlay().savefig(OVERLAY)
+    print(f"wrote {PAGE}, {FIGURE} and {OVERLAY}")

@@ -22,7 +22,7 @@ QUICK = "kundur_ex12_2_damped"
 
 def test_every_number_has_a_system_a_known_quantity_and_a_tolerance():
     rows = published()
-    assert {row.system for row in rows} == set(systems())
+    assert {row.system for row in rows} == {name for name, system in systems().items() if not system.run}
     for row in rows:
         assert row.quantity in UNITS
         assert math.isnan(row.second) == (row.quantity not in PAIRS)
