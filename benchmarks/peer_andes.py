@@ -81,40 +81,59 @@ def works(
     }, answer
 
 
-def system(case: Case, folder: str, fault: bool = True, step: float = STEP) -> andes.System:
-    """The case as an ANDES system."""
+def network(case: Case, folder: str) -> andes.System:
+    """An ANDES system with the buses, branches, loads and machines of the power flow."""
     ss, mva, hz = empty(folder), case.base_mva, case.frequency_hz
     ss.config.mva, ss.config.freq = mva, hz
-    kinds, volts = {b.bus: b for b in case.buses}, {b.bus: b.rated for b in case.buses}
+    volts = {b.bus: b.rated for b in case.buses}
     for b in case.buses:
         ss.add("Bus", {"idx": b.bus, "name": str(b.bus), "Vn": b.rated, "v0": b.v, "a0": np.deg2rad(b.angle)})
         if b.b or b.g:
             ss.add("Shunt", {"bus": b.bus, "Sn": mva, "Vn": b.rated, "fn": hz, "b": b.b / mva, "g": b.g / mva})
-    for k in case.branches:
-        ends = {"bus1": k.from_bus, "bus2": k.to_bus, "Vn1": volts[k.from_bus], "Vn2": volts[k.to_bus]}
-        ss.add("Line", ends | {"Sn": mva, "fn": hz, "r": k.r, "x": k.x, "b": k.b, "tap": k.tap, "phi": 0.0})
+    for i, k in enumerate(case.branches):
+        ends = {"idx": f"L{i}", "bus1": k.from_bus, "bus2": k.to_bus, "Vn1": volts[k.from_bus], "Vn2": volts[k.to_bus]}
+        own = {"r": k.r, "x": k.x, "b": k.b, "tap": k.tap, "phi": np.deg2rad(k.phase)}
+        ss.add("Line", ends | {"Sn": mva, "fn": hz} | own)
     for k in case.loads:
         ss.add("PQ", {"bus": k.bus, "Vn": volts[k.bus], "p0": k.p / mva, "q0": k.q / mva})
-    if case.loads[0].p_power:
-        for shares in (("p2p", 1.0), ("p2z", 0.0), ("q2q", 1.0), ("q2z", 0.0)):
-            setattr(ss.PQ.config, *shares)
-    full = "genrou" in case.devices
+    buses = {b.bus: b for b in case.buses}
     for m in case.machines:
-        bus = kinds[m.bus]
+        bus = buses[m.bus]
         static = {"idx": m.machine, "bus": m.bus, "Vn": bus.rated, "Sn": m.base, "v0": bus.v, "p0": m.p / mva}
         if bus.kind == "swing":
             ss.add("Slack", static | {"a0": np.deg2rad(bus.angle)})
         else:
             ss.add("PV", static)
-        name, par = f"G{m.machine}", case.devices["genrou" if full else "gencls"][m.machine]
-        own = {"idx": name, "bus": m.bus, "gen": m.machine, "Vn": bus.rated, "Sn": m.base, "fn": hz, "M": 2 * par.H}
-        if full:
-            flux = {"xl": par.xl, "xd": par.xd, "xd1": par.x1d, "xd2": par.x2, "Td10": par.T1d, "Td20": par.T2d}
-            flux |= {"xq": par.xq, "xq1": par.x1q, "xq2": par.x2, "Tq10": par.T1q, "Tq20": par.T2q}
-            ss.add("GENROU", own | flux | {"ra": par.ra, "D": par.D, "S10": par.S10, "S12": par.S12})
+    return ss
+
+
+def machine(ss: andes.System, case: Case, number: int | str) -> str:
+    """The name of a classical machine or GENROU, added to the system."""
+    (m,) = (m for m in case.machines if m.machine == number)
+    (rated,) = (b.rated for b in case.buses if b.bus == m.bus)
+    name, full = f"G{number}", number in case.devices.get("genrou", {})
+    par = case.devices["genrou" if full else "gencls"][number]
+    own = {"idx": name, "bus": m.bus, "gen": number, "Vn": rated, "Sn": m.base, "fn": case.frequency_hz}
+    own |= {"M": 2 * par.H, "D": par.D, "ra": par.ra, "xd1": par.x1d}
+    if not full:
+        ss.add("GENCLS", own)
+        return name
+    flux = {"xl": par.xl, "xd": par.xd, "xd2": par.x2, "Td10": par.T1d, "Td20": par.T2d, "S10": par.S10}
+    flux |= {"xq": par.xq, "xq1": par.x1q, "xq2": par.x2, "Tq10": par.T1q, "Tq20": par.T2q, "S12": par.S12}
+    ss.add("GENROU", own | flux)
+    return name
+
+
+def system(case: Case, folder: str, fault: bool = True, step: float = STEP) -> andes.System:
+    """The case as an ANDES system."""
+    ss = network(case, folder)
+    if case.loads[0].p_power:
+        for shares in (("p2p", 1.0), ("p2z", 0.0), ("q2q", 1.0), ("q2z", 0.0)):
+            setattr(ss.PQ.config, *shares)
+    for m in case.machines:
+        name = machine(ss, case, m.machine)
+        if "genrou" in case.devices:
             ss.add("SEXS", {"syn": name, "TATB": 1.0, "TB": 1.0, "K": KA, "TE": TE, "EMIN": -EMAX, "EMAX": EMAX})
-        else:
-            ss.add("GENCLS", own | {"D": par.D, "xd1": par.x1d, "ra": par.ra})
         ss.add("TGOV1", {"syn": name, "R": DROOP, "VMAX": 1.0, "VMIN": 0.0, "T1": T1, "T2": T2, "T3": T3, "Dt": 0.0})
     if fault:
         ss.add("Fault", {"bus": fault_bus(case), "tf": FAULT_ON, "tc": FAULT_OFF, "xf": fault_x(case), "rf": 0.0})

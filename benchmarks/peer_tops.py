@@ -54,7 +54,7 @@ def simulated(ps: PowerSystemModel, bus: int, step: float = STEP) -> tuple[np.nd
     return step * np.arange(steps), np.array(rows)
 
 
-def system(case: Case) -> PowerSystemModel:
+def system(case: Case, governed: bool = True) -> PowerSystemModel:
     """The case as a TOPS system.
 
     TOPS has one machine, of six states. With all reactances x'd its fluxes stand still, as those of the classical
@@ -73,6 +73,7 @@ def system(case: Case) -> PowerSystemModel:
         [f"L{i}", f"B{k.from_bus}", f"B{k.to_bus}", 1.0, mva, volts[k.from_bus], "p.u.", k.r, k.x, k.b]
         for i, k in enumerate(case.branches)
     ]
+    columns = ["name", "gen", "R", "D_t", "V_min", "V_max", "T_1", "T_2", "T_3"]
     governors = [[f"T{m.machine}", f"G{m.machine}", DROOP, 0.0, 0.0, 1.0, T1, T2, T3] for m in case.machines]
     ps = PowerSystemModel(
         {
@@ -90,8 +91,8 @@ def system(case: Case) -> PowerSystemModel:
                 *([f"C{b.bus}", f"B{b.bus}", b.rated, b.b, "Z"] for b in case.buses if b.b),
             ],
             "generators": {"GEN": [["name", "bus", "S_n", "V_n", "P", "V", "H", "D", *constants], *machines]},
-            "gov": {"TGOV1": [["name", "gen", "R", "D_t", "V_min", "V_max", "T_1", "T_2", "T_3"], *governors]},
         }
+        | ({"gov": {"TGOV1": [columns, *governors]}} if governed else {})
     )
     ps.setup()
     return ps

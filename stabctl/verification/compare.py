@@ -2,7 +2,8 @@
 
 Voltages, angles and powers are those of the power flow; an eigenvalue or a mode is compared with the nearest of ours,
 each of ours with one of theirs at most; a clearing time is found anew. Angles are compared as they are, so that the
-source and the case must have the same reference.
+source and the case must have the same reference. Of a trace, the two values at the instant of the largest difference
+are compared.
 """
 
 import csv
@@ -30,6 +31,7 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.smallsignal.analysis import modes
 
 from .systems import HERE, System, download, folder_of, present, systems
+from .traces import traces
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,6 +44,7 @@ UNITS = {
     "eigenvalue": "1/s",
     "mode": "1/s",  # compared as an eigenvalue
     "clearing time": "s",
+    "trace": "pu, MW or degrees",
 }
 PAIRS = "eigenvalue", "mode"  # quantities of two numbers
 RESOLUTION = "1ms"  # of clearing times
@@ -291,6 +294,12 @@ def compare(system: System, folder: Path, rows: Sequence[Published]) -> Iterator
         yield Comparison(
             row.system, row.quantity, row.object, _value(row), found, UNITS[row.quantity], limit,
             system.conventions, row.reason or system.reason,
+        )  # fmt: skip
+    for trace in traces(system, ours.case) if system.run else ():
+        k, quantity = trace.worst, trace.signal.partition(":")[0]
+        yield Comparison(
+            system.name, "trace", f"{trace.signal} at {trace.time[k]:.2f} s", float(trace.theirs[k]),
+            float(trace.ours[k]), trace.unit, system.tolerance[quantity], system.conventions, system.reason,
         )  # fmt: skip
 
 

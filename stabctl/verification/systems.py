@@ -46,7 +46,7 @@ class System(NamedTuple):
     license : str
         Of these files.
     load : mapping
-        Options of `load`.
+        Options of `load`; a DYR file is one of `cases`.
     set : mapping
         Parameters that the source has otherwise than the data: "genrou.*.D" is that of every GENROU.
     lines : tuple
@@ -55,6 +55,8 @@ class System(NamedTuple):
         Models in its data that the source leaves out.
     classical : bool
         Whether the machines are classical ones.
+    run : mapping
+        Options of `Contingency`, and shunts, of the run whose traces `cases/traces` has.
     conventions : str
         What the numbers assume, in words.
     tolerance : mapping
@@ -74,6 +76,7 @@ class System(NamedTuple):
     lines: tuple[tuple[Any, ...], ...] = ()
     without: tuple[str, ...] = ()
     classical: bool = False
+    run: Mapping[str, Any] = {}
     conventions: str = ""
     tolerance: Mapping[str, float] = {}
     reason: str = ""
@@ -81,7 +84,8 @@ class System(NamedTuple):
     def read(self, folder: Path) -> Case:
         """The case as the source has it; its downloaded files are in `folder`."""
         path = folder / self.files[0].name if self.files else HERE / "cases" / self.case
-        case = io.load(path if path.exists() else self.case, **self.load)
+        dyr = {"dyr": HERE / "cases" / self.load["dyr"]} if "dyr" in self.load else {}
+        case = io.load(path if path.exists() else self.case, **{**self.load, **dyr})
         if self.lines:
             case = replace(case, branches=(*case.branches, *(Branch(*line) for line in self.lines)))
         for model in self.without:
