@@ -71,7 +71,9 @@ def number(x):
 def array(a, deep, seen):
     """All of a short array; of a long one its shape, some entries, and sums."""
     if a.size <= SHORT or a.dtype.kind not in "fciub":
-        return [described(v, deep, seen) for v in (a.tolist() if a.size <= 4 * SHORT else a.ravel()[:: a.size // SHORT])]
+        return [
+            described(v, deep, seen) for v in (a.tolist() if a.size <= 4 * SHORT else a.ravel()[:: a.size // SHORT])
+        ]
     flat, weights = np.nan_to_num(a.ravel(), posinf=1e9, neginf=-1e9), np.cos(np.arange(a.size))
     some = [described(v) for v in flat[np.linspace(0, a.size - 1, 6).astype(int)]]
     sums = [described(v) for v in (flat.sum(), abs(flat).sum(), flat @ weights)]
@@ -81,8 +83,10 @@ def array(a, deep, seen):
 def having(value, deep, seen):
     """What an object says and has: fields and properties without an underscore."""
     cls = type(value)
-    names = [f.name for f in dataclasses.fields(value)] if dataclasses.is_dataclass(value) else list(
-        getattr(value, "_fields", ())
+    names = (
+        [f.name for f in dataclasses.fields(value)]
+        if dataclasses.is_dataclass(value)
+        else list(getattr(value, "_fields", ()))
     )
     for c in cls.__mro__:
         names += [n for n, v in vars(c).items() if isinstance(v, property | cached_property) and n not in names]

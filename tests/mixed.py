@@ -1,6 +1,6 @@
 """Two systems without symmetry as islands of one: no two numbers of theirs are equal, and of everything there are two.
 
-Machines 1021 and 1022 stand at bus 1001, 1023 at bus 1003 (swing) and 1024 at bus 1004; motors draw a share of two loads.
+Machines 1021 and 1022 stand at bus 1001, 1023 at bus 1003 (swing) and 1024 at bus 1004.
 Storage has other ratings, energies, ramps, lags and characteristics at each machine.
 """
 

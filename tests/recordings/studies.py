@@ -1,12 +1,12 @@
-"""The studies whose results are recorded: commands with all that they write, and results of Python with all they have."""
+"""The studies whose results are recorded: commands with all they write, and results of Python with all they have."""
 
 import json
 import re
 import shutil
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from functools import cache
 from io import StringIO
-from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import control
@@ -17,7 +17,6 @@ from terminal import said
 
 import stabctl as st
 from stabctl import cli, design, smallsignal
-from stabctl.simulation.criterion import Criterion
 
 GIVEN = Path(__file__).parent / "given"
 ROWS = 60  # of a file that is kept whole
@@ -70,7 +69,7 @@ def command(text, *files, as_json=True, page=False):
 def clockless(value):
     """JSON without computing times, and with four entries of a long list."""
     if isinstance(value, dict):
-        return {k: clockless(v) for k, v in value.items() if k not in CLOCKED}
+        return {k: clockless(v) for k, v in value.items() if k not in (*CLOCKED, "key")}
     if not isinstance(value, list):
         return value
     if len(value) > MANY and all(isinstance(v, dict | list) for v in value):
@@ -124,13 +123,14 @@ def _():
 @recorded("modes of two islands")
 def _():
     modes = mixed_point().modes()
-    first = modes.df
     return {
         "modes": modes,
         "figure": drawn(modes.plot()),
-        "sensitivity": modes.sensitivity() if hasattr(modes, "sensitivity") else None,
+        "sensitivity": modes.sensitivity(),
         "areas": smallsignal.areas(modes),
-        "linear": mixed_point().linearize("order:1021@1002, vref:7, pref:1024", "speed:north, flow:30-40, voltage:1005"),
+        "linear": mixed_point().linearize(
+            "order:1021@1002, vref:7, pref:1024", "speed:north, flow:30-40, voltage:1005"
+        ),
     }
 
 
@@ -180,7 +180,9 @@ def _():
     point, both = mixed_point(), dampers()
     run = point.simulate(st.Contingency("1002-1003#1@0.3", clear="3cyc", at=0.1), until=1.5, control=list(both))
     closed = point.closed_loop(*both)
-    pairs = design.pairs(point, "deviation:north, deviation:1024, flow:1002-1005", "order:1021@1002, vs:1024", mode=1.593)
+    pairs = design.pairs(
+        point, "deviation:north, deviation:1024, flow:1002-1005", "order:1021@1002, vs:1024", mode=1.593
+    )
     pod = design.pod(point, "deviation:north", "order:1021@1002", damping=0.13, mode=1.593)
     return {
         "controllers": both,
@@ -227,7 +229,7 @@ def _():
 
 def theory():
     """Laws and areas of one machine with other numbers than those of the paper."""
-    from stabctl.theory import equal_area, feedback_laws, minimum_time, omib, phase_plane
+    from stabctl.theory import equal_area, feedback_laws, omib, phase_plane
 
     machine = omib.OMIB()
     return {
@@ -309,6 +311,7 @@ def sweep(folder):
     for name in "runs", "times":
         code, out, err = called("sweep", "run", f"{name}.toml", "--out", f"{name}.db", "--workers", 1)
         shown = command(f"sweep show {name}.db --csv {name}.csv", f"{name}.csv", page=True)(folder)
+        shown[f"{name}.csv"] = [line.partition(",")[2].rsplit(",", 4)[0] for line in shown[f"{name}.csv"]]
         found[name] = {"exit": code, "out": lines(out), "err": lines(err), "shown": shown}
         (folder / f"{name}.db").unlink()
     return found
@@ -347,9 +350,7 @@ COMMANDS = {
     "import psse": command("import five.raw five.dyr"),
     "import matpower": command("import nine.m"),
     "import pst": command("import pair.m --out pair"),
-    "estimate": command(
-        "estimate two_area --classical --fault 7 --trip 7-8 --clear 7cyc --storage 40MW", page=True
-    ),
+    "estimate": command("estimate two_area --classical --fault 7 --trip 7-8 --clear 7cyc --storage 40MW", page=True),
     "sweep run": sweep,
     "tables": command("tables storage", as_json=False),
     "models": command("models exst3", as_json=False),

@@ -1,6 +1,6 @@
 """What studies say and compute, beside what was recorded of them: every word, count and number.
 
-A law says more than a recording. This is for all that no law covers: sentences, columns, keys, the second of everything.
+A law says more than a recording. This is for what no law covers: sentences, columns, keys, the second of everything.
 If a change is meant, record it again and read the difference:
 
     python tests/recordings/test_recordings.py ["modes" ...]        # all, or those with these names
@@ -126,7 +126,9 @@ def record(names):
         for name in names or STUDIES:
             began = time.process_time()
             text = json.dumps(rounded(STUDIES[name](Path(there))), ensure_ascii=False, indent=1)
-            short = re.sub(r"\[\s+((?:-?[\d.e+-]+|null|true|false)(?:,\s+(?:-?[\d.e+-]+|null|true|false))*)\s+\]", one_line, text)
+            short = re.sub(
+                r"\[\s+((?:-?[\d.e+-]+|null|true|false)(?:,\s+(?:-?[\d.e+-]+|null|true|false))*)\s+\]", one_line, text
+            )
             path_of(name).write_text(short + "\n", encoding="utf-8")
             print(f"{time.process_time() - began:6.2f} s  {name}", flush=True)
 
