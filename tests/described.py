@@ -27,8 +27,10 @@ CLOCKED = "cpu_ms_per_frame", "ms_per_frame", "worker", "finished", "run_s", "wa
 
 def described(value, deep=DEEP, seen=frozenset()):
     """A value as JSON has it."""
-    if value is None or isinstance(value, bool | int | str):
+    if value is None or isinstance(value, bool | int):
         return value
+    if isinstance(value, str):
+        return timeless(value)
     if isinstance(value, enum.Enum):
         return value.name
     if isinstance(value, float | np.floating):
