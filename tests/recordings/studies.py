@@ -221,6 +221,20 @@ def _():
     return {"found": found, "figure": drawn(found.plot())}
 
 
+@recorded("estimates of a Kalman filter", slow=True, loose=1e-3)
+def _():
+    base = st.load("two_area").initialize(storage="1=40MW,4=30MW")
+    fault = st.Contingency("7", clear="6cyc", trip="7-8", at=0.2)
+    found = base.estimate(fault, "1.4s", estimator="kalman", seeds=[2, 7], pmu=st.Pmu(50, loss=0.06))
+    return {"found": found, "figure": drawn(found.plot())}
+
+
+@recorded("typical machines")
+def _():
+    case = st.read_matpower(GIVEN / "nine.m", machines="typical")
+    return {"devices": case.devices, "point": case.initialize().power_flow(), "check": case.check()}
+
+
 @recorded("one machine")
 def _():
     found = theory()
