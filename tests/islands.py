@@ -15,12 +15,11 @@ def joined(one, other):
         numbers = {f: getattr(row, f) + SHIFT for f in row._fields if f == "machine" or f.endswith("bus")}
         return row._replace(**numbers)
 
-    tables = ("buses", "branches", "machines", "loads", "storage")
+    tables = ("buses", "branches", "machines", "loads", "links", "storage")
     devices = {model: dict(rows) for model, rows in one.devices.items()}
     for model, rows in other.devices.items():
         devices.setdefault(model, {}).update({naming.moved(key, SHIFT): par for key, par in rows.items()})
     both = {name: (*getattr(one, name), *map(moved, getattr(other, name))) for name in tables}
-    assert not one.links + other.links
     return replace(one, name=f"{one.name}_and_{other.name}", devices=devices, **both)
 
 

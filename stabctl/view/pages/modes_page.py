@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from stabctl._util.wording import number
+from stabctl.model import naming
 from stabctl.smallsignal import Areas, Mode, Modes
 from stabctl.smallsignal.eigen import ZERO
 
@@ -145,5 +146,5 @@ def _areas(areas: Areas) -> dict[str, Any]:
     return {
         "frequencies": ", ".join(f"{f:.3f}" for f in areas.frequencies_hz) or "none",
         "agreement": f"{areas.agreement:.2f}",
-        "groups": [(sorted(group), group[0]) for group in areas.groups],
+        "groups": [(sorted(group, key=naming.order), group[0]) for group in areas.groups],
     }
