@@ -20,8 +20,17 @@ from stabctl._util.errors import StabctlError
 
 SHORT = 12  # entries of an array that are all shown
 MANY = 8  # records from which on only four are shown
+LEAST = 1e-6  # of a mode shape
+FIRST = 5  # rows of sensitivities; the last ones are zero, in any order
 DEEP = 5  # results within results
 ELSEWHERE = "case", "base", "point", "contingencies", "stages", "linear", "dataset"  # the same, or of another study
+VECTORS = (
+    "right",
+    "left",
+    "speeds",
+    "participation",
+    "shares",
+)  # of modes: of equal eigenvalues, they are as rounding has it
 CLOCKED = "cpu_ms_per_frame", "ms_per_frame", "worker", "finished", "run_s", "wall_s"  # differ from run to run
 
 
@@ -96,16 +105,27 @@ def having(value, deep, seen):
     if cls.__str__ is not object.__str__ and not hasattr(value, "_fields"):
         found["says"] = timeless(str(value)).splitlines()
     for name in names:
-        if name.startswith("_") or name in CLOCKED or name in ELSEWHERE:
+        if name.startswith("_") or name in (*CLOCKED, *ELSEWHERE, *VECTORS):
             continue
         try:
             inner = getattr(value, name)
         except (StabctlError, NotImplementedError) as error:
             inner = str(error)
-        found[name] = described(inner, deep, seen)
+        found[name] = described(certain(cls.__name__, name, inner), deep, seen)
     if hasattr(value, "_head"):
         found["html"] = timeless(re.sub(r"<[^>]*>", " ", value._head())).splitlines()
     return found
+
+
+def certain(cls, name, value):
+    """What an object has, without what rounding decides."""
+    if cls == "Sensitivity" and name in ("rows", "df"):
+        return value[:FIRST]
+    if cls == "Modes" and name == "df":  # equal real eigenvalues come in any order
+        return value[value["frequency_hz"] > 0]
+    if cls == "Mode" and name == "shape":  # a machine that stands still has no angle
+        return [one for one in value if one.magnitude > LEAST]
+    return value
 
 
 def timeless(text):

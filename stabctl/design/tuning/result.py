@@ -302,7 +302,7 @@ def _missed(parts: Parts, trial: Trial, asked: Asked) -> Iterator[str]:
         found, of = _peak(parts, trial, peak)[0], "of all loops together" if peak.together else "of each loop"
         if found > peak.bound:
             what = f"a disk margin of {1 / peak.bound:g}" if peak.shift else f"a sensitivity of {peak.bound:g}"
-            yield f"{what} {of} (found: {1 / found if peak.shift else found:.3g})"
+            yield f"{what} {of} (found: {1 / found if peak.shift else found:.4g})"
 
 
 def _peak(parts: Parts, trial: Trial, peak: Peak) -> tuple[float, str]:

@@ -3,6 +3,7 @@
 import math
 from typing import TYPE_CHECKING, Any
 
+from stabctl._util.wording import number
 from stabctl.smallsignal import Mode, Modes, Part
 from stabctl.smallsignal.eigen import ZERO
 from stabctl.smallsignal.sensitivity import Sensitivity
@@ -120,7 +121,7 @@ def plot_mode_shape(mode: Mode, *, ax: "PolarAxes | None" = None) -> "PolarAxes"
         angle = math.radians(p.angle_deg)
         ax.plot((0, angle), (0, p.magnitude), color=_color(p, lead), linewidth=1.6, zorder=3)
         dot = ax.plot(angle, p.magnitude, "o", color=_color(p, lead), markersize=4, clip_on=False, zorder=3)[0]
-        style.name(dot, f"machine {p.machine}: {p.magnitude:.2f}, {p.angle_deg:.0f} degrees")
+        style.name(dot, f"machine {p.machine}: {p.magnitude:.2f}, {number(p.angle_deg, 0)} degrees")
     large = [p for p in parts if p.magnitude >= SMALLEST_NAMED]
     named = [p for side in (True, False) for p in [p for p in large if _with(p, lead) is side][:NAMED]]
     for p, at in zip(named, spread([p.angle_deg for p in named], GAP), strict=True):
