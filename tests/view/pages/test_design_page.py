@@ -10,7 +10,7 @@ from labels import crowded
 
 import stabctl as st
 from stabctl._util.errors import StudyError
-from stabctl.design import outages, pss
+from stabctl.design import Tuned, outages, pss
 from stabctl.design.evidence import evidence
 from stabctl.view.figures import design as figures
 from stabctl.view.pages import design_page
@@ -48,7 +48,8 @@ def test_the_page_says_what_was_found(found):
     label, before, after, _ = re.findall(r"<td[^>]*>(.*?)</td>", checks)
     (check,) = found.checks
     assert (label, float(before), float(after)) == ("7-8@0.4", check.before.cycles, check.after.cycles)
-    assert page.count("<svg ") == 5
+    assert page.count("<svg ") == 5 + isinstance(design, Tuned)
+    assert ("<h2>Ring-down</h2>" in page) == isinstance(design, Tuned)
 
 
 def test_margins_and_controllers_are_shown_in_milliseconds(found):
