@@ -74,6 +74,7 @@ def modes(
     """Compute the modes at the operating point of a case: frequency, damping, mode shapes and coherent areas."""
     from stabctl._util import units
     from stabctl._util.errors import StudyError
+    from stabctl.model import conventions
     from stabctl.smallsignal import analyze, areas, descriptor, linearize, opened
     from stabctl.smallsignal.analysis import LARGE
     from stabctl.smallsignal.closed_loop import closed_loop
@@ -99,7 +100,7 @@ def modes(
     if as_json:
         more = _effects(effects) if effects else {}
         more |= {"contributions": [row._asdict() for row in controls.rows]} if controls else {}
-        shared.print_json({"case": point.case.name} | _record(found) | more)
+        shared.print_json({"case": point.case.name, "conventions": conventions.of(point.case)} | _record(found) | more)
     else:
         _show(found, band, groups)
         if effects:

@@ -114,9 +114,13 @@ def simulate(
 
 
 def _show(result: "Trajectory", as_json: bool, written: list[Path], said: str, *, judged: "Judged | None") -> None:
+    from stabctl.model import conventions
+
     end = result.outcome
+    case = result.point.case
     record: dict[str, Any] = {
-        "case": result.point.case.name,
+        "case": case.name,
+        "conventions": conventions.of(case),
         "outcome": end.kind.value,
         "message": end.message,
         "machine": end.machine,
@@ -136,7 +140,7 @@ def _show(result: "Trajectory", as_json: bool, written: list[Path], said: str, *
 
     from stabctl.simulation import steps
 
-    table = Table("", result.point.case.name, show_header=True)
+    table = Table("", case.name, show_header=True)
     if said:
         table.add_row("contingency", said)
     table.add_row("outcome", end.kind.value.replace("_", " "))

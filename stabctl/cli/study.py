@@ -119,9 +119,12 @@ def study(
 
 def _show(found: "Study", as_json: bool) -> None:
     if as_json:
+        from stabctl.model import conventions
+
         tables = {name: frame.astype(object).where(frame.notna(), None) for name, frame in found.tables().items()}
         record = {name: frame.to_dict("records") for name, frame in tables.items()}
-        head = {"case": found.point.case.name, "secure": found.secure, "wall_s": found.wall_s}
+        case = found.point.case
+        head = {"case": case.name, "conventions": conventions.of(case), "secure": found.secure, "wall_s": found.wall_s}
         wanted = {"required_cycles": found.wanted.cycles, "required_damping": found.wanted.damping}
         shared.print_json(head | wanted | {"remarks": found.remarks()} | record)
         return

@@ -11,12 +11,18 @@ import pytest
 import stabctl as st
 from stabctl.cli import shared
 
+SOON = """
+from stabctl.cli import shared
+from stabctl.__main__ import main
+shared.EVERY = 0.5  # s   between two lines of progress; 30 otherwise
+main()
+"""
 AT_ONCE = 2 + 4  # s   and what a loaded machine may add; without the cause of this test 45 s
 
 
 def interrupted(*words, after):
     """A command that gets SIGINT once `after(process)` returns: exit code, the last line on stderr, time to the end."""
-    ran = subprocess.Popen([sys.executable, "-m", "stabctl", *words], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    ran = subprocess.Popen([sys.executable, "-c", SOON, *words], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     try:
         after(ran)
         assert ran.poll() is None, "it ended by itself"

@@ -1,5 +1,7 @@
 """Conventions of machine equations: what they change, and by how much."""
 
+import json
+
 import numpy as np
 import pytest
 from systems import CLASSICAL, POLES, ROUND, SEXS, TYPE_J, small
@@ -73,3 +75,15 @@ def test_the_conventions_of_a_case_are_said():
         assert name in conventions.of(case.with_conventions(name)).partition(" (")[0].split(" or ")
     assert conventions.of(case.set("genrou.1.torque", 1)).startswith("of several programs (power at some and torque")
     assert conventions.of(case.classical()) == ""
+
+
+@pytest.mark.parametrize(("name", "said"), [("psse", "psse (power as"), ("book", "andes or book (torque as")])
+def test_results_say_the_conventions(name, said, stabctl, tmp_path):
+    """JSON and pages; a case whose machines have no choice says nothing."""
+    options = "--conventions", name, "--report", tmp_path, "--json"
+    for command in (("modes", "two_area"), ("simulate", "two_area", "--until", "0.1s")):
+        found = json.loads(stabctl(*command, *options)[1])
+        assert found["conventions"].startswith(said)
+        (page,) = tmp_path.glob(f"*_{command[0]}.html")
+        assert f"Machine equations: {said}" in page.read_text(encoding="utf-8")
+        assert json.loads(stabctl(*command, "--classical", "--json")[1])["conventions"] == ""

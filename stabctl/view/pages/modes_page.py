@@ -44,7 +44,7 @@ def page(modes: Modes, areas: Areas | None, band: tuple[float, float]) -> Page:
     return Page(
         f"{case.name}_modes",
         f"Modes of {case.name}",
-        [*([case.title] if case.title else []), str(modes)],
+        [*pattern.about(case), str(modes)],
         [],
         [
             Section("Eigenvalues", [*_drawn(modes, arrows, areas), *_zeros(modes)]),

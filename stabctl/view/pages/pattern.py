@@ -6,6 +6,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from stabctl.model import conventions
+from stabctl.model.case import Case
+
 from ..figures.style import whole
 from . import document
 from .document import svg
@@ -71,6 +74,12 @@ def _numeric(cells: Iterable[str]) -> bool:
     """Whether cells are numbers, with a unit of a few letters at most, ranges or pairs of them, or `none` instead."""
     given = [str(cell) for cell in cells if str(cell)]
     return any(NUMBER.fullmatch(cell) for cell in given) and all(NUMBER.fullmatch(c) or c in NO_NUMBER for c in given)
+
+
+def about(case: Case) -> list[str]:
+    """What a page says of a case: its title, and the equations of its machines if there is a choice."""
+    said = conventions.of(case)
+    return [*([case.title] if case.title else []), *([f"Machine equations: {said}."] if said else [])]
 
 
 class Text(NamedTuple):

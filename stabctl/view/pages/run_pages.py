@@ -18,7 +18,7 @@ from stabctl.sweep.results import Results
 
 from ..figures import estimates as estimated
 from ..figures import storage_control, trajectory
-from .pattern import Page, Part, Section, Text, figure, table
+from .pattern import Page, Part, Section, Text, about, figure, table
 
 LOWEST = 20  # voltages in a table
 MACHINES = "machine", "largest change of angle (deg)", "lowest (Hz)", "highest (Hz)", "disconnected (s)"
@@ -41,7 +41,7 @@ def simulation(run: Trajectory) -> Page:
     return Page(
         f"{case.name}_simulate",
         f"Simulation of {case.name}",
-        [*([case.title] if case.title else []), run.outcome.message],
+        [*about(case), run.outcome.message],
         numbers,
         [
             Section("Curves", _curves(run)),

@@ -43,7 +43,7 @@ def page(study: Study) -> Page:
     return Page(
         f"{case.name}_study",
         f"Stability of {case.name}",
-        [*([case.title] if case.title else []), *open_parts, *study.remarks()],
+        [*pattern.about(case), *open_parts, *study.remarks()],
         [(verdict, f"with a clearing time of {study.wanted.cycles:g} cycles"), *_numbers(study)],
         [
             Section("Contingencies", list(_contingencies(study))),

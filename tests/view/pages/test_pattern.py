@@ -132,11 +132,10 @@ def test_a_run_without_rows_has_no_page_and_leaves_no_file(base, tmp_path):
     assert not (tmp_path / "new").exists()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_no_finding_of_axe(base, run, tmp_path, scheme):
-    """Nothing serious or critical on any page at three widths; nothing too wide, nor in print."""
-    stored = base.case.with_storage("50MW").initialize()
+@pytest.fixture(scope="module")
+def written(base, run, tmp_path_factory):
+    """Pages of many results."""
+    tmp_path, stored = tmp_path_factory.mktemp("pages"), base.case.with_storage("50MW").initialize()
     results = [
         run,
         base.clearing_time("7-8@0.4"),
@@ -153,14 +152,20 @@ def test_no_finding_of_axe(base, run, tmp_path, scheme):
     from stabctl.view.pages import modes_page
 
     modes = base.modes()
-    paths.append(modes_page.write(tmp_path, modes, areas(modes), (0.1, 2.5)))
+    return [*paths, modes_page.write(tmp_path, modes, areas(modes), (0.1, 2.5))]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_no_finding_of_axe(written, scheme):
+    """Nothing serious or critical on any page at three widths; nothing too wide, nor in print."""
     found, wide = {}, []
     with browser() as chromium:
         for width in (390, 768, 1280):
             sizes = {"viewport": {"width": width, "height": 900}}
             context = chromium.new_context(**sizes, color_scheme=scheme, bypass_csp=True)
             page = context.new_page()
-            for path in paths:
+            for path in written:
                 page.goto(path.as_uri())
                 page.evaluate(AXE)
                 for v in page.evaluate("axe.run(document)")["violations"]:
