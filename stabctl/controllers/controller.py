@@ -100,7 +100,8 @@ class Controller:
     def __post_init__(self) -> None:
         for key in ("inputs", "outputs"):
             object.__setattr__(self, key, _names(key, getattr(self, key)))
-        for key in "ABCD" if self.law is None else "":
+        order = "ABCD" if np.size(self.A) else "DABC"  # of a gain alone, D says how many signals there are
+        for key in order if self.law is None else "":
             object.__setattr__(self, key, _matrix(key, getattr(self, key), self._shape(key)))
         for key in ("delay", "tracking"):
             if getattr(self, key) is not None:
@@ -111,6 +112,8 @@ class Controller:
         """Shape of a matrix; None where the names are kinds, whose number depends on the case."""
         n = len(np.atleast_2d(np.asarray(self.A, float))) if np.size(self.A) else 0
         m, p = (None if any(":" not in k for k in names) else len(names) for names in (self.inputs, self.outputs))
+        if not n and key in "BC":
+            p, m = self.D.shape
         return {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}[key]
 
     def _check(self) -> None:

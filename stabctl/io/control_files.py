@@ -83,13 +83,11 @@ def _controller(content: Mapping[str, Any], path: Path) -> Controller:
     for key in gate or ():
         if key not in Gate.__dataclass_fields__:
             raise StudyError(f"{path}, gate: {toml_file.unknown(key, Gate.__dataclass_fields__)}")
-    n, m, p = len(found.A), len(found.inputs), len(found.outputs)
-    shapes = {"A": (n, n), "B": (n, -1), "C": (-1, n), "D": (len(found.D), -1)}
-    empty = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
     try:
-        for key, shape in shapes.items():
+        for key in "ABCD":
             values[key] = np.array(values[key], float)
-            values[key] = values[key].reshape(shape) if values[key].size else np.zeros(empty[key])
+        if not values["D"].size:
+            values["D"] = np.zeros((len(found.outputs), len(found.inputs)))
         values["limits"] = tuple(values.get("limits", (-math.inf, math.inf)))
         values["inputs"], values["outputs"] = tuple(values["inputs"]), tuple(values["outputs"])
         return Controller(**values, gate=Gate(**gate) if gate is not None else None)
@@ -188,7 +186,7 @@ def _rows(M: np.ndarray) -> str:
 
 
 def save_law(law: Law, path: str | Path) -> Path:
-    """Write a law to a file ending in .toml, and return its path. Raises `StudyError` for a law of another file."""
+    """Write a law to a file ending in .toml, and return its path. Raises `StudyError` if it is none of `KINDS`."""
     path = toml_file.target(path)
     inner = law.law if isinstance(law, SampledLaw) else law
     kind = next((name for name, kind in KINDS.items() if type(inner) is kind), None)

@@ -176,6 +176,15 @@ def test_machines_that_are_cut_off_without_load_trip(read, case):
     assert list(run.on[-1]) == [False, True, True, True]
 
 
+def test_halves_of_a_load_and_shunts_of_a_bus_are_each_lost_once(case, tmp_path):
+    one, other = case.loads
+    half = one._replace(p=one.p / 2, q=one.q / 2)
+    path = tmp_path / "these.con"
+    path.write_text(block("REMOVE LOAD 1 FROM BUS 7", "REMOVE LOAD 2 FROM BUS 7", *["REMOVE SHUNT FROM BUS 7"] * 2))
+    (found,) = read_contingencies(path, replace(case, loads=(half, half, other)))
+    assert found.after == (*[LoadStep(7, 0.0, -half.p, -half.q)] * 2, SwitchShunt(7, 0.0, 0.0, -200.0))
+
+
 def test_a_transformer_with_three_windings_is_one_branch(case, tmp_path):
     star = case.buses[7]._replace(bus=99, name="star 5-6-8", g=0.0, b=0.0)
     rows = [case.branches[0]._replace(from_bus=bus, to_bus=99, circuit="T1") for bus in (5, 6, 8)]
@@ -201,7 +210,7 @@ def test_a_transformer_with_three_windings_is_one_branch(case, tmp_path):
         ("OPEN LINE FROM BUS 7 TO BUS 8 CKT 3", "has no circuit 3; it has 1, 2"),
         ("OPEN LINE FROM BUS 7", "the line ends too early; TO must follow"),
         ("OPEN LINE FROM BUS 7 TO BUS 8 CKT 1 2", "2 is not allowed here; it must be the end of the line"),
-        ("OPEN LINE FROM BUS 5 TO BUS 6\nOPEN LINE FROM BUS 6 TO BUS 5", "the branch is opened above, too"),
+        ("OPEN LINE FROM BUS 5 TO BUS 6\nOPEN LINE FROM BUS 6 TO BUS 5", "the branch is named above, too"),
         ("REMOVE MACHINE 2 FROM BUS 1", "has no machine 2 at bus 1; it has 1"),
         ("REMOVE MACHINE 1 FROM BUS 7", "has no machine 1 at bus 7; it has none there"),
         ("REMOVE LOAD FROM BUS 8", "has no load at bus 8"),
@@ -211,6 +220,8 @@ def test_a_transformer_with_three_windings_is_one_branch(case, tmp_path):
         ("ADD MACHINE 1 TO BUS 7", "ADD is not represented"),
         ("SET BUS 1 GENERATION TO 100 MW", "GENERATION is not represented"),
         ("SET BUS 7 LOAD TO 100 PERCENT", "it changes nothing"),
+        ("REMOVE LOAD FROM BUS 7\nREDUCE BUS 7 LOAD BY 50 PERCENT", "the load is named above, too"),
+        ("REDUCE BUS 7 SHUNT BY 50 PERCENT\nREDUCE BUS 7 SHUNT BY 20 PERCENT", "the shunt is named above, too"),
         ("DECREASE BUS 7 LOAD BY 1000 MW", "only 967 can be taken away"),
         ("SET BUS 7 LOAD TO lots PERCENT", "lots is not a number"),
         ("SET BUS 8 LOAD TO 50 PERCENT", "it needs a load with active power at the bus"),

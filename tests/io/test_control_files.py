@@ -40,6 +40,14 @@ def test_a_static_gain_has_empty_matrices(tmp_path):
     assert two.D.tolist() == [[2.0, 3.0]]
 
 
+def test_a_static_gain_of_kinds_acts_on_all_their_signals(tmp_path):
+    one = st.Controller("speed", "vs", [], [], [], 20 * np.eye(4))
+    two = st.load_controller(one.save(tmp_path / "k.toml"))
+    assert one.B.shape == two.B.shape == (0, 4)
+    assert one.C.shape == two.C.shape == (4, 0)
+    assert st.load("two_area_thyristor").closed_loop(two).controllers == (two,)
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -47,6 +55,7 @@ def test_a_static_gain_has_empty_matrices(tmp_path):
         (("rate = 60", "speed = 60"), "'speed' is not a known key"),
         (('inputs = ["deviation:1"]', ""), "inputs is missing"),
         (("D = [[0.0]]", "D = [[0.0], [1.0, 2.0]]"), "matrix D differ in length"),
+        (("B = [[1.0], [0.0]]", "B = [[1.0]]"), "The matrix B of the controller is 1 x 1, but must be 2 x 1"),
         (("D = [[0.0]]", "D = [[nan]]"), "not finite"),
         (("rate = 60", "rate = 0"), "rate of 0 frames"),
         (("[", "]"), "is not valid TOML"),

@@ -5,7 +5,7 @@ branch (two contingencies), at a bus that is disconnected, at the high side of a
 of a load or shunt. When the fault is cleared, everything that the statement names is lost at once.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from stabctl._util.errors import StudyError
@@ -95,7 +95,8 @@ class _Block:
         self.faults: tuple[int, ...] = ()
         self.branches: list[int] = []
         self.machines: list[int] = []
-        self.after: dict[object, Event] = {}
+        self.after: list[Event] = []
+        self.taken: set[tuple[str, int]] = set()  # branches, machines, loads and shunts that are named
         self.first = ""  # what kind the first element is
 
     def read(self, statements: Iterator[Statement]) -> list[Contingency]:
@@ -119,7 +120,7 @@ class _Block:
                 self.branches,
                 self.machines,
                 name=f"{self.name}, fault at bus {fault}" if several else self.name,
-                after=self.after.values(),
+                after=self.after,
             )
             for fault in self.faults
         ]
@@ -142,8 +143,7 @@ class _Block:
         count = 3 if sum(word.means("TO") for word in statement.words if not word.quoted) > 1 else 2
         ends = tuple(bus(statement, self.case, word) for word in words[:count])
         rows = circuits(statement, self.case, ends, words[count] if len(words) > count else None)
-        if again := {*rows} & {*self.branches}:
-            raise statement.error(f"the branch is opened above, too; remove one of the {1 + len(again)} statements.")
+        self._take_once(statement, "branch", rows)
         self.branches += rows
         return ends
 
@@ -155,21 +155,23 @@ class _Block:
 
     def _machine(self, statement: Statement, words: list[Word]) -> tuple[int, ...]:
         number = machine(statement, self.case, bus(statement, self.case, words[1]), words[0])
-        if number in self.machines:
-            raise statement.error("the machine is removed above, too; remove one of the statements.")
+        self._take_once(statement, "machine", [number])
         self.machines.append(number)
         return (self.case.machine(number).storage_bus,)
 
     def _load(self, statement: Statement, words: list[Word]) -> tuple[int, ...]:
         at = bus(statement, self.case, words[-1])
-        here = [load for load in self.case.loads if load.bus == at]
-        ids = [load.id or str(i) for i, load in enumerate(here, start=1)]
+        here = self._loads(at)
+        ids = [self.case.loads[row].id or str(i) for i, row in enumerate(here, start=1)]
         wanted = ids if len(words) == 1 else [words[0].text.strip()]
         if not ids or not {*wanted} <= {*ids}:
             what = f"load {words[0]}" if len(words) > 1 else "load"
             raise statement.error(f"{self.case.name} has no {what} at bus {at}; it has {listed(ids) or 'none there'}.")
-        lost = [load for id, load in zip(ids, here, strict=True) if id in wanted]
-        return self._step(statement, at, -sum(load.p for load in lost), -sum(load.q for load in lost))
+        return self._step(statement, at, [row for id, row in zip(ids, here, strict=True) if id in wanted], -1.0)
+
+    def _loads(self, at: int) -> list[int]:
+        """Rows of the loads at a bus."""
+        return [row for row, load in enumerate(self.case.loads) if load.bus == at]
 
     def _shunt(self, statement: Statement, words: list[Word]) -> tuple[int, ...]:
         """The shunt of a bus, which is one in a case, whichever of the shunts of a file is named."""
@@ -177,8 +179,8 @@ class _Block:
         row = self.case.buses[self.case.row_of_bus[at]]
         if not (row.g or row.b):
             raise statement.error(f"{self.case.name} has no shunt at bus {at}.")
-        self.after["shunt", at] = SwitchShunt(at, 0.0, -row.g, -row.b)
-        return (at,)
+        gone = SwitchShunt(at, 0.0, -row.g, -row.b)
+        return (at,) if gone in self.after else self._switch(statement, gone)
 
     def _changed(self, kind: str, statement: Statement, words: list[Word]) -> tuple[int, ...]:
         """A load or shunt that is set to a value or changed by one, at constant power factor."""
@@ -187,9 +189,8 @@ class _Block:
         if what.means("GENERATION"):
             raise statement.error("GENERATION is not represented, because generation is not dispatched again.")
         row = self.case.buses[self.case.row_of_bus[at]]
-        here = [load for load in self.case.loads if load.bus == at]
-        of_load = what.means("LOAD")
-        size = sum(load.p for load in here) if of_load else row.b
+        of_load, here = what.means("LOAD"), self._loads(at)
+        size = sum(self.case.loads[k].p for k in here) if of_load else row.b
         if not size or (not unit.means("PERCENT") and unit.means("MW") != of_load):
             raise statement.error(
                 f"it needs a {'load with active power' if of_load else 'shunt'} at the bus, and "
@@ -200,12 +201,25 @@ class _Block:
         if not share or share < -1:
             raise statement.error("it changes nothing." if not share else f"only {abs(size):g} can be taken away.")
         if of_load:
-            return self._step(statement, at, share * size, share * sum(load.q for load in here))
-        self.after["shunt", at] = SwitchShunt(at, 0.0, 0.0, share * row.b)
+            return self._step(statement, at, here, share)
+        return self._switch(statement, SwitchShunt(at, 0.0, 0.0, share * row.b))
+
+    def _step(self, statement: Statement, at: int, loads: Sequence[int], share: float) -> tuple[int, ...]:
+        """Change loads (rows) by a share of themselves."""
+        self._take_once(statement, "load", loads)
+        p, q = (share * sum(getattr(self.case.loads[row], part) for row in loads) for part in "pq")
+        if not (p or q):
+            raise statement.error("it changes nothing.")
+        self.after.append(LoadStep(at, 0.0, p, q))
         return (at,)
 
-    def _step(self, statement: Statement, at: int, p: float, q: float) -> tuple[int, ...]:
-        if ("load", at, p, q) in self.after or not (p or q):
-            raise statement.error("it changes nothing, or what another statement above changes, too.")
-        self.after["load", at, p, q] = LoadStep(at, 0.0, p, q)
-        return (at,)
+    def _switch(self, statement: Statement, event: SwitchShunt) -> tuple[int, ...]:
+        self._take_once(statement, "shunt", [event.bus])
+        self.after.append(event)
+        return (int(event.bus),)
+
+    def _take_once(self, statement: Statement, what: str, which: Iterable[int]) -> None:
+        """Raise `StudyError` if an element is named above, too."""
+        if self.taken & (new := {(what, one) for one in which}):
+            raise statement.error(f"the {what} is named above, too; remove one of the statements.")
+        self.taken |= new
