@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from stabctl._util import toml_file
 from stabctl._util.errors import StudyError, shown
-from stabctl._util.units import quantity, seconds
+from stabctl._util.units import radians, seconds
 from stabctl._util.wording import near
 from stabctl.model.case import Case
 from stabctl.model.tables import Bus
@@ -234,7 +234,7 @@ def _checked(rule: Any, where: str) -> Any:
     try:
         for text in (getattr(rule, "longest", None), getattr(rule, "recover", None)):
             seconds(text or "0s", 60.0)
-        apart = quantity(rule.separation, "rad") if isinstance(rule, Angle) else 1.0
+        apart = radians(rule.separation) if isinstance(rule, Angle) else 1.0
     except StudyError as error:
         raise StudyError(f"{where}: {error}") from None
     if not apart > 0:

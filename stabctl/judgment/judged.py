@@ -12,7 +12,7 @@ import numpy as np
 
 from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular
-from stabctl._util.units import quantity, seconds
+from stabctl._util.units import radians, seconds
 from stabctl._util.wording import counted
 from stabctl.simulation.trajectory import Trajectory
 
@@ -234,7 +234,7 @@ class _Seen:
 
     def _angle(self, rule: Angle) -> "Iterator[Violation | str]":
         angle, island = self.run.angle_from_coi_deg, self.run.happened.island[self.run.point.rotors.unit]
-        most = float(np.rad2deg(quantity(rule.separation, "rad")))
+        most = float(np.rad2deg(radians(rule.separation)))
         for one in np.unique(island[island >= 0]):
             inside = angle[:, island == one]
             apart = np.nanmax(inside, axis=1) - np.nanmin(inside, axis=1)

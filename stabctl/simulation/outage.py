@@ -42,9 +42,10 @@ class Outages:
         return network.build(self.case)
 
     @cached_property
-    def loaded(self) -> frozenset[int]:
-        """Rows of the buses with a load."""
-        return frozenset(self.case.row_of_bus[load.bus] for load in self.case.loads)
+    def loaded(self) -> list[int]:
+        """Rows of the buses with a load or the terminal of a link."""
+        ends = (end for link in self.case.links for end in (link.from_bus, link.to_bus))
+        return sorted({self.case.row_of_bus[bus] for bus in (*(load.bus for load in self.case.loads), *ends)})
 
     def contingency(
         self,
@@ -65,18 +66,19 @@ class Outages:
         return Contingency(str(fault), trip=trip, impedance=impedance, after=later, events=tuple(events), name=name)
 
     def cut_off(self, branches: tuple[int, ...]) -> tuple[int, ...]:
-        """The machines in parts without a load that opening branches cuts off: with nothing to feed, they trip."""
+        """The machines in parts that opening branches cuts off without a load or link: with nothing to feed, they trip."""
         island = network.islands(self.net, network.without(sorted(branches)))
-        size = np.bincount(island)
-        if len(size) == self.whole:
+        number = np.bincount(island)  # of buses
+        if (left := number[island] == self.whole).all():
             return ()
-        fed = {island[row] for row in self.loaded} | {size.argmax()}
-        return tuple(m.machine for m in self.case.machines if island[self.case.row_of_bus[m.bus]] not in fed)
+        fed = left | np.isin(island, [*island[self.loaded], number.argmax()])
+        return tuple(m.machine for m in self.case.machines if not fed[self.case.row_of_bus[m.bus]])
 
     @cached_property
-    def whole(self) -> int:
-        """Number of islands before them."""
-        return int(network.islands(self.net).max()) + 1
+    def whole(self) -> np.ndarray:
+        """Number of buses in the island of every bus, before them."""
+        island = network.islands(self.net)
+        return np.bincount(island)[island]
 
     @cached_property
     def beside(self) -> dict[int, list[int]]:

@@ -5,12 +5,15 @@ import re
 from dataclasses import replace
 
 import pytest
+from islands import joined, single
 
 import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.io.contingencies import monitored, read_contingencies
 from stabctl.io.contingencies.subsystems import Subsystems
+from stabctl.model.tables import Link
 from stabctl.simulation.events import LoadStep, SwitchShunt, TripMachine
+from stabctl.simulation.outage import Outages
 
 SUB = """/PSS(R)E 35
 COM SUBSYSTEM description file entry created by PSS(R)E Config File Builder
@@ -174,6 +177,15 @@ def test_machines_that_are_cut_off_without_load_trip(read, case):
     assert all(one.after == () for one in split)
     run = case.simulate(alone[1].with_clear("3cyc"), until="2s")
     assert list(run.on[-1]) == [False, True, True, True]
+
+
+def test_machines_of_another_island_or_with_a_link_do_not_trip(case):
+    """An island without loads of its own, and a machine that feeds an HVDC link, are left to the run."""
+    alone = single(case, 100.0)
+    two = joined(case, replace(alone, loads=()))
+    assert Outages(two).cut_off((0,)) == (1,)
+    links = (Link("sent", 1, 11, 50.0),)
+    assert Outages(replace(case, links=links)).cut_off((0,)) == ()
 
 
 def test_halves_of_a_load_and_shunts_of_a_bus_are_each_lost_once(case, tmp_path):

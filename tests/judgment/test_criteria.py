@@ -184,6 +184,7 @@ def test_packaged_criteria_judge_runs():
         ('[[voltage]]\nname = "a"\nbelow = 0.8\nlongest = "soon"\n', "voltage rule 1: 'soon' is not a time"),
         ('[[voltage]]\nname = "a"\nbelow = 0.8\nsince = "recovery"\n', "belong together"),
         ('[[angle]]\nname = "a"\nseparation = "0deg"\n', "not above 0"),
+        ('[[angle]]\nname = "a"\nseparation = "120"\n', "'120' is not an angle; write it as 120deg"),
         ('[[swings]]\nname = "a"\nmust = "stop"\n', "must = 'stop'"),
         ("[[currents]]\n", "'currents' is not a known key"),
         ("title = 1", "is not valid TOML"),
