@@ -123,9 +123,12 @@ def tune(
 ) -> None:
     """Tune all stabilizers, dampers and parameters at once, for the worst damping of every network."""
     from stabctl import design
+    from stabctl._util.errors import StudyError
 
     files.check()
     shared.file(dyr_out, ".dyr")
+    if dyr_out and not what.model:
+        raise StudyError("--dyr-out needs --model; only packaged stabilizers have DYR records.")
     devices, point = what.devices(), storage.initialize(case.load())
     with shared.progress("tuning", 1.0) as tell:
         found = design.tune(
@@ -180,13 +183,6 @@ def pss(
     _show(found, files.write(found), as_json)
 
 
-def _show(found: "Tuned", written: Sequence[Path], as_json: bool) -> None:
-    if as_json:
-        shared.print_json({**found.summary, "files": [str(path) for path in written]})
-    else:
-        _print(found, written)
-
-
 def _numbers(name: str, text: str) -> list[float]:
     """Numbers separated by commas; none of "none"."""
     from stabctl._util.errors import StudyError
@@ -200,7 +196,10 @@ def _numbers(name: str, text: str) -> list[float]:
         raise StudyError(f"{name} {text!r}: {error}") from None
 
 
-def _print(found: "Tuned", written: Sequence[Path]) -> None:
+def _show(found: "Tuned", written: Sequence[Path], as_json: bool) -> None:
+    if as_json:
+        shared.print_json({**found.summary, "files": [str(path) for path in written]})
+        return
     from rich.table import Table
 
     out = shared.console()

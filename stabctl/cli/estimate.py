@@ -56,8 +56,9 @@ def estimate(
     begins, lasts = (seconds(time, loaded.frequency_hz) for time in (at, clear))
     contingency = Contingency(fault, clear, trip or (), at=at, impedance=shared.impedance(fault_impedance))
     point = storage.initialize(loaded)
-    chosen, own = law.chosen(point.case, None, shared.controllers(controller))
-    behind: list[Any] = [*([chosen] if chosen else []), *own] or [law.law()]
+    given = shared.controllers(controller)
+    chosen, own = law.chosen(point.case, None, given) if point.case.storage or given else (law.law(), [])
+    behind: list[Any] = [*([chosen] if chosen else []), *own]
     found = simulate(
         point,
         contingency,

@@ -48,15 +48,13 @@ class CaseOptions(NamedTuple):
     @property
     def words(self) -> str:
         """The case and its options as on the command line."""
-        found, changed = (
-            [self.case],
-            [name for name, value in self._field_defaults.items() if getattr(self, name) != value],
-        )
-        for name in changed:
-            option, value = f"--{name.replace('_', '-')}", getattr(self, name)
-            for one in value if isinstance(value, list) else [value]:
-                found += [option] if one is True else [option.replace("settings", "set"), str(one)]
-        return shlex.join(word for word in found if word != "--verbose")
+        found = [self.case]
+        for name, default in self._field_defaults.items():
+            option, value = f"--{name.replace('_', '-').replace('settings', 'set')}", getattr(self, name)
+            if value != default and name != "verbose":
+                for one in value if isinstance(value, list) else [value]:
+                    found += [option] if one is True else [option, str(one)]
+        return shlex.join(found)
 
     def read(self) -> "Case":
         """The case with its settings applied."""
@@ -95,14 +93,14 @@ class StorageOptions(NamedTuple):
         if self.storage is not None and self.storage_at is not None:
             raise StudyError("--storage and --storage-at cannot be used together; give one of them.")
         sizes = self.storage if self.storage is not None else self.storage_at
-        connected = connection(self.storage_model, self.storage_mva, self.converter)
         if sizes is not None:
+            connected = connection(self.storage_model, self.storage_mva, self.converter)
             lag = shared.lag(self.lag, case)
             case = case.with_storage(sizes, characteristic=self.characteristic, lag=lag, **connected)
-        elif connected:
+        elif self != StorageOptions():
             raise StudyError(
-                "--storage-model, --storage-mva and --converter are for devices given with --storage or --storage-at; "
-                "give one of these, or fill the columns of storage.csv."
+                "--characteristic, --lag, --storage-model, --storage-mva and --converter are for devices given with "
+                "--storage or --storage-at; give one of these, or fill the columns of storage.csv."
             )
         return initialize(case)
 
@@ -160,10 +158,13 @@ class LawOptions(NamedTuple):
 
         if control == "bang-bang" and not case.storage:
             raise StudyError("--control bang-bang needs storage devices; give --storage or --storage-at.")
-        if control == "none" and self != LawOptions():
-            raise StudyError("--deadband and --min-voltage have no effect with --control none; leave them out.")
-        default = "bang-bang" if case.storage and not ordered(controllers) else "none"
-        return (self.law() if (control or default) == "bang-bang" else None), controllers
+        bang_bang = control == "bang-bang" or (control is None and case.storage and not ordered(controllers))
+        if not bang_bang and self != LawOptions():
+            raise StudyError(
+                "--deadband and --min-voltage have no effect, because no storage device has the bang-bang law; leave "
+                "them out."
+            )
+        return (self.law() if bang_bang else None), controllers
 
 
 class StabilityOptions(NamedTuple):
@@ -219,11 +220,16 @@ class PmuOptions(NamedTuple):
         self, law: "Law | None", controllers: "Sequence[Controller]", estimator: options.Estimator
     ) -> "list[Law | Controller | EstimatorControl]":
         """Law and controllers: themselves with the ideal estimator, otherwise behind PMUs and an estimator."""
-        pmu = self.pmu()
+        from stabctl._util.errors import StudyError
+
         behind: list[Any] = [*([law] if law else []), *controllers]
         if estimator == "ideal":
+            if self != PmuOptions():
+                raise StudyError(
+                    "--pmu-rate, --pmu-noise-mrad, --latency-ms, --loss and --seed are for an estimator; give "
+                    "--estimator kalman, for example."
+                )
             return behind
-        from stabctl._util.errors import StudyError
         from stabctl.estimation.estimator_control import EstimatorControl
 
         if not behind:
@@ -231,4 +237,4 @@ class PmuOptions(NamedTuple):
                 f"--estimator {estimator} needs controllers, or storage devices with a control law; give --storage or "
                 "--controller."
             )
-        return [EstimatorControl(behind, estimator, pmu, seed=self.seed)]
+        return [EstimatorControl(behind, estimator, self.pmu(), seed=self.seed)]

@@ -74,11 +74,15 @@ def simulate(
         raise StudyError("--fault needs --clear; give a clearing time such as 6cyc.")
     if clear and not (fault or trip):
         raise StudyError("--clear needs --fault or --trip; give a location such as 83 or 7-8@0.4.")
+    if at != "1s" and not (fault or trip):
+        raise StudyError("--at needs --fault or --trip; other events have their own times.")
     shared.file(out, ".csv", ".nc")
     shared.file(plot, ".png", ".svg")
     shared.folder(report)
     rules = shared.criteria(by)
     through = shared.impedance(fault_impedance)
+    if through and not fault:
+        raise StudyError("--fault-impedance needs --fault; give a location such as 83 or 7-8@0.4.")
     if channels and not (plot or (out and out.suffix.lower() == ".csv")):
         raise StudyError("--channels applies to a figure and to a .csv file; give --plot FILE.png or --out FILE.csv.")
     if angle_reference is not None and (out is None or out.suffix.lower() != ".csv"):

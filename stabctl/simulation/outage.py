@@ -66,7 +66,7 @@ class Outages:
         return Contingency(str(fault), trip=trip, impedance=impedance, after=later, events=tuple(events), name=name)
 
     def cut_off(self, branches: tuple[int, ...]) -> tuple[int, ...]:
-        """The machines in parts that opening branches cuts off without a load or link: with nothing to feed, they trip."""
+        """The machines in parts that opening branches cuts off without a load or link: they feed nothing, and trip."""
         island = network.islands(self.net, network.without(sorted(branches)))
         number = np.bincount(island)  # of buses
         if (left := number[island] == self.whole).all():

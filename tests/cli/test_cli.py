@@ -150,7 +150,7 @@ def test_events_without_a_fault(stabctl, cases):
 
 
 def test_quantities_are_numbers_or_text(stabctl):
-    words = "--fault", "7", "--trip", "7-8", "--clear", "10cyc", "--storage", "50MW", "--latency-ms", "20"
+    words = "--fault", "7", "--trip", "7-8", "--clear", "10cyc", "--storage", "50MW"
     names = "--at", "--until", "--step", "--deadband", "--lag", "--max-angle"
     plain, text = (
         [word for pair in zip(names, values.split(), strict=True) for word in pair]
