@@ -92,11 +92,11 @@ def bode(found: Evidence) -> "Figure":
 
 def steps(found: Evidence) -> "Figure":
     """Plot the speeds after a load step, without and with the controllers."""
-    hz = 1e3 * found.design.base.case.frequency_hz
+    scale = 1e3 * found.design.base.case.frequency_hz  # mHz per pu
     figure, axes = subplots(*TALL, 2, 1, sharex=True)
     for ax, (t, y), what in zip(axes[:, 0], (found.steps.before, found.steps.after), ("without", "with"), strict=True):
         for name, row in zip(found.steps.machines, y.T, strict=True):
-            style.name(ax.plot(t, hz * row, linewidth=1, label=f"machine {name}")[0], f"machine {name}, {what}")
+            style.name(ax.plot(t, scale * row, linewidth=1, label=f"machine {name}")[0], f"machine {name}, {what}")
         ax.set_ylabel(f"{what} (mHz)")
     _above(axes[0, 0])
     axes[1, 0].set_xlabel(LABELS["time"])
@@ -106,7 +106,7 @@ def steps(found: Evidence) -> "Figure":
 
 def ring_down(found: RingDown, frequency_hz: float) -> "Axes":
     """Plot the speeds after a pulse of load, of the machines that swing most: simulated, and by the linear model."""
-    ax, scale = single(None, *LOW), 1e3 * frequency_hz
+    ax, scale = single(None, *LOW), 1e3 * frequency_hz  # mHz per pu
     most = np.argsort(-np.abs(found.linear).max(axis=0))[: len(COLORS)]
     for k, color in zip(sorted(most), COLORS, strict=False):
         name = f"machine {found.machines[k]}"

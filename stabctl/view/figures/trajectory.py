@@ -67,7 +67,7 @@ def plot(
     Raises
     ------
     StudyError
-        If there is no such quantity, more than one, or the case has no storage to show.
+        If there is no such quantity or machine, more than one quantity, or the case has no storage to show.
 
     Examples
     --------
@@ -89,8 +89,7 @@ def plot(
 
 
 def overview(run: Trajectory, signals: str = "", *, machines: Sequence[int | str] | None = None) -> "Figure":
-    """Plot quantities one above the other: speeds, angles, voltages and, if there is storage, its power, or a "
-    "choice."""
+    """Plot quantities one above the other, by default speeds, angles, voltages and, if there is storage, its power."""
     usual = [name for name in USUAL if run.point.case.storage or name != "storage"]
     quantities = _quantities(run, signals or ",".join(usual))
     figure, axes = subplots(9, 2.3 * len(quantities) + 0.6, len(quantities), sharex=True)
@@ -117,8 +116,8 @@ def compare(
 
 def storage(run: Trajectory, machines: Sequence[int | str] | None = None) -> "Figure":
     """Plot the power of the storage devices of some machines (default: all), one above the other."""
-    case = run.point.case
-    shown = [k for k, s in enumerate(case.storage) if machines is None or case.machine(s.machine).called in machines]
+    case, wanted = run.point.case, _wanted(run, machines)
+    shown = [k for k, s in enumerate(case.storage) if case.machine(s.machine).called in wanted]
     figure, axes = subplots(9, 1.25 * len(shown) + 0.6, len(shown), sharex=True, sharey=len(shown) > 2)
     for ax, k in zip(axes[:, 0], shown, strict=True):
         device = case.storage[k]
@@ -155,8 +154,7 @@ def _draw(
     legend: bool = True,
     height: float = 3.0,
 ) -> None:
-    """Draw the curves of a quantity: each in its own color if they are few, else those of machines that are "
-    "unstable."""
+    """Draw the curves of a quantity in colors that tell them apart; see `_colors`."""
     values, names, owners = _signal(run, quantity, shown, machines)
     colors = _colors(values, owners, run)
     times, values = _with_jumps(run, values) if quantity in JUMPING else (run.time, values)
@@ -243,9 +241,15 @@ def _signal(run: Trajectory, quantity: str, shown: Sequence[Channel], machines: 
         word = {"bus": "bus", "device": "storage"}.get(of, "machine")
         channels = shown or chosen(case, quantity, run.point.rotors.unit.tolist())
         owners = [(_owner(case, of, c.row), f"{word} {c.label}", c.place) for c in channels]
-    drawn = [one for one in owners if machines is None or one[0] in machines]
+    drawn = owners if machines is None else [one for one in owners if one[0] in _wanted(run, machines)]
     columns = values[:, [place for _, _, place in drawn]]
     return Signal(columns, [name for _, name, _ in drawn], [machine for machine, _, _ in drawn])
+
+
+def _wanted(run: Trajectory, machines: Sequence[int | str] | None) -> set[int | str]:
+    """What the machines given by number or name are called; without any, all."""
+    case = run.point.case
+    return {m.called for m in (case.machines if machines is None else map(case.machine, machines))}
 
 
 def _owner(case: Case, of: str, row: int) -> int | str:

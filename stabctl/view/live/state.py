@@ -29,7 +29,7 @@ class State:
     fault: str = ""  # 83, or 7-8@0.4
     trip: str = ""  # circuit opened to clear a fault at a bus; empty: none
     clear: float = 6.0  # cycles
-    percent: float = 0.0  # MVA   of every machine's rating, of its storage device
+    percent: float = 0.0  # %   rating of every machine's storage device, of the machine's MVA
     megawatts: Mapping[int, float] = field(default_factory=dict)  # MW, of machines with a rating of their own
     store: str = "ideal"  # model of the storage devices
     law: str = LAWS[0]
@@ -80,8 +80,10 @@ def read(given: Any) -> State:
     for what, chosen, known_ones in (("law", state.law, (*LAWS, FILE)), ("storage model", state.store, MODELS)):
         if chosen not in known_ones:
             raise StudyError(f"There is no {what} {chosen!r}; choose one of {', '.join(known_ones)}.")
-    if not state.level > 0 or min(state.clear, state.percent, state.delay, *state.megawatts.values(), 0) < 0:
-        raise StudyError("Times, ratings and the load level cannot be negative.")
+    if min(state.clear, state.required, state.percent, state.delay, *state.megawatts.values(), 0) < 0:
+        raise StudyError("Times and ratings cannot be negative.")
+    if not state.level > 0:
+        raise StudyError("The load level must be above 0.")
     if state.delay != round(state.delay):
         raise StudyError(f"A delay of {state.delay:g} cycles is not allowed; give a whole number.")
     return state

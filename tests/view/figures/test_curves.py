@@ -1,12 +1,14 @@
 """Curves, bars and arrows read back from the figures: they are the numbers of the record."""
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
+import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.clearing import clearing_time as critical
 from stabctl.clearing import screen as screened
@@ -88,6 +90,16 @@ def test_signals_of_a_run_have_their_units(held):
                 np.interp(held.time[::7] + 1e-6, held.time, column), rel=1e-3
             )
             assert len(x) == len(held.time) + 2  # the values before two events are held up to them
+
+
+def test_machines_with_names_are_chosen_by_number_or_name():
+    case = st.load("two_area")
+    case = replace(case, machines=tuple(m._replace(name=f"{m.bus}/G") for m in case.machines))
+    run = simulate(case, None, 0.1)
+    for machines in ([2], ["2/G"], [2, "2/G"]):
+        assert [text.get_text() for text in trajectory.plot(run, machines=machines).texts] == ["machine 2/G"]
+    with pytest.raises(StudyError, match="There is no machine 9 in two_area; its machines are 1/G"):
+        trajectory.plot(run, machines=[9])
 
 
 def test_the_power_of_storage_stands_device_by_device(held):

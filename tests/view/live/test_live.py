@@ -341,3 +341,11 @@ def test_a_saved_page_holds_everything_and_no_markup_of_the_case(cases):
 def test_every_setting_has_a_kind():
     state = read({"fault": "7", "clear": 5, "megawatts": {"2": 3}, "signals": ["angle"], "compare": True})
     assert (state.clear, state.megawatts, state.signals, state.compare) == (5.0, {2: 3.0}, ("angle",), True)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"), [({"required": -3}, "cannot be negative"), ({"level": 0}, "load level must be above 0")]
+)
+def test_what_a_setting_cannot_be(given, says):
+    with pytest.raises(StudyError, match=says):
+        read(given)
