@@ -9,7 +9,7 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from .estimators import Estimate, EstimatorName, Filtered, estimator
 from .pmu import Frame, Pmu
 from .rotor_units import rotor_units
 
+Row = dict[str, Any]  # what is recorded of a frame, by the names of `Estimates`
 WARM_UP = 1.0  # s   of the system at rest before the first frame
 ANGLES = ("angle", "angle_deviation", "bus_angle")  # that need the angles of the rotors
 
@@ -78,7 +79,7 @@ class EstimatorLoop:
         self._random = [np.random.default_rng([seed, 1]) for seed in seeds]
         self._given: list[list[Any]] = [[None] * len(self._machine) for _ in seeds]
         self._past: deque[Truth] = deque(maxlen=own + 1)
-        self._rows: list[_Row] = []
+        self._rows: list[Row] = []
         self._frames: list[Frame] = []
         for k in range(round(WARM_UP * pmu.rate)):
             self._frame(simulations[0].time - WARM_UP + k / pmu.rate, point.V)
@@ -88,22 +89,21 @@ class EstimatorLoop:
         row, deviations, island = self._frame(self.simulations[0].time, None)
         before = time.perf_counter()
         for k in range(len(self.simulations)):
-            row.orders[k] = self._orders(k, row, deviations, island[k])
+            row["orders"][k] = self._orders(k, deviations, island[k])
             self.inputs.set(k, deviations, island)
-        wall = row.wall_s + time.perf_counter() - before
-        running = np.array([s.outcome is None for s in self.simulations])
-        self._rows.append(row._replace(on=row.on & running[:, None], wall_s=wall))
+        row["wall_s"] += time.perf_counter() - before
+        row["on"] &= np.array([s.outcome is None for s in self.simulations])[:, None]
+        self._rows.append(row)
 
     def estimates(self) -> Estimates:
         """The record so far."""
-        columns = _Row(*(np.array(column) for column in zip(*self._rows, strict=True)))
-        for column in columns:
+        columns: dict[str, Any] = {name: np.array([row[name] for row in self._rows]) for name in self._rows[0]}
+        for column in columns.values():
             column.setflags(write=False)
-        alarms = tuple(self.observation.alarms)
-        frames = tuple(self._frames)
-        return Estimates(self.simulations[0].point, self.control, self.seeds, *columns, alarms=alarms, frames=frames)
+        columns |= {"alarms": tuple(self.observation.alarms), "frames": tuple(self._frames)}
+        return Estimates(self.simulations[0].point, self.control, self.seeds, **columns)
 
-    def _orders(self, k: int, row: "_Row", estimates: Deviations, island: np.ndarray) -> np.ndarray:
+    def _orders(self, k: int, estimates: Deviations, island: np.ndarray) -> np.ndarray:
         """Orders (devices) of simulation k, set there too."""
         orders = np.zeros(len(self._machine))
         if self._law is not None:
@@ -112,13 +112,13 @@ class EstimatorLoop:
             size = volts * (1 + self.control.pmu.magnitude * self._random[k].standard_normal(len(orders)))
             signals = law.signals(k, estimates, island, simulation)
             for j, i in enumerate(self._machine):
-                if row.usable[k, i]:
+                if estimates.usable[k, i]:
                     given = decided(law.law, law.par[j], signals[j], size[j], self._given[k][j])
                     orders[j], self._given[k][j] = min(max(given.wanted, -1.0), 1.0), given
             simulation.orders[:] = orders
         return orders
 
-    def _frame(self, at: float, resting: np.ndarray | None) -> "tuple[_Row, Deviations, np.ndarray]":
+    def _frame(self, at: float, resting: np.ndarray | None) -> tuple[Row, Deviations, np.ndarray]:
         """Measure and estimate; `resting` are the bus voltages of a system at rest."""
         true, frame = self.observation(at, resting)
         self._frames.append(frame)
@@ -135,11 +135,13 @@ class EstimatorLoop:
         nees = none + np.nan
         if isinstance(self.estimator, Filtered):
             nees = self.estimator.error(self._past[0].delta, self._past[0].slip)
-        row = _Row(
-            np.array(at), true.slip, estimate.slip, np.sqrt(estimate.variance),
-            self._true_coi.step(exact, true.island).speed, dev.speed, dev.acceleration, dev.sigma, dev.usable,
-            true.island >= 0, estimate.nis, nees, np.zeros((len(self.simulations), len(self._machine))), np.array(wall),
-        )  # fmt: skip
+        row: Row = {
+            "time": at, "slip": true.slip, "estimated": estimate.slip, "slip_sigma": np.sqrt(estimate.variance),
+            "deviation": self._true_coi.step(exact, true.island).speed, "deviation_estimated": dev.speed,
+            "acceleration": dev.acceleration, "sigma": dev.sigma, "usable": dev.usable, "on": true.island >= 0,
+            "nis": estimate.nis, "nees": nees, "orders": np.zeros((len(self.simulations), len(self._machine))),
+            "wall_s": wall,
+        }  # fmt: skip
         return row, dev, true.island
 
     def _turned(self, estimate: Estimate, true: Truth) -> Estimate:
@@ -149,25 +151,6 @@ class EstimatorLoop:
             return estimate
         self._angle = self._angle + wrapped(angle - self._angle)
         return estimate._replace(angle=self._angle)
-
-
-class _Row(NamedTuple):
-    """What is recorded of a frame, in the order of `Estimates`."""
-
-    time: np.ndarray
-    slip: np.ndarray
-    estimated: np.ndarray
-    slip_sigma: np.ndarray
-    deviation: np.ndarray
-    deviation_estimated: np.ndarray
-    acceleration: np.ndarray
-    sigma: np.ndarray
-    usable: np.ndarray
-    on: np.ndarray
-    nis: np.ndarray
-    nees: np.ndarray
-    orders: np.ndarray
-    wall_s: np.ndarray
 
 
 class LawInputs:

@@ -12,7 +12,9 @@ import numpy as np
 from .trials import Trials
 
 SCAN = 1.25  # ratio of neighboring multiples of a scan
+FIRST = 0.25  # multiple of a scan from 0
 FINE = 2e-3  # relative width of the final bracket
+FINEST = 1e-4  # the same for differences of scalings
 COARSE = 1e-2  # the same for contingencies that are not binding
 SMALL = 1e-3  # multiple below which the empty fleet is tried
 NEAR = 0.85  # of the scaling of a fleet: contingencies lost there are nearly binding
@@ -56,7 +58,7 @@ def least_scaling(trials: Trials, mw: np.ndarray, fine: float = FINE) -> Scaled 
         survives = along(trials, mw, k)
         if high > low and survives(high):
             return Bracket(low, high)
-        return first_bracket(survives, most, low=low, near=low)
+        return first_bracket(survives, most, low)
 
     near: dict[int, float] = {}
     while lost:
@@ -104,39 +106,24 @@ def _halved(trials: Trials, mw: np.ndarray, brackets: dict[int, Bracket]) -> dic
     return dict(zip(brackets, halves, strict=True))
 
 
-def critical_scaling(
-    survives: Callable[[float], bool], most: float, *, low: float = 0.0, near: float = 1.0, fine: float = FINE
-) -> float | None:
-    """The smallest a in [low, most] such that the fleet times a survives; None if none does.
+def critical_scaling(survives: Callable[[float], bool], most: float) -> float | None:
+    """The smallest multiple up to `most` with which a fleet survives; None if there is none.
 
     Survival is not monotone in size: the multiples are scanned upward, and the first change from lost to survived is
     bisected.
-
-    Parameters
-    ----------
-    survives : callable
-        Whether the fleet times a survives.
-    most, low : float
-        Range of multiples.
-    near : float
-        A guess of the result.
-    fine : float
-        Relative width of the final bracket.
     """
-    found = first_bracket(survives, most, low=low, near=near)
-    return found and bisect(survives, found.low, found.high, fine)
+    found = first_bracket(survives, most)
+    return found and bisect(survives, found.low, found.high)
 
 
-def first_bracket(
-    survives: Callable[[float], bool], most: float, *, low: float = 0.0, near: float = 1.0
-) -> Bracket | None:
-    """The first neighbors of the upward scan of `critical_scaling` between which survival begins.
+def first_bracket(survives: Callable[[float], bool], most: float, low: float = 0.0) -> Bracket | None:
+    """The first neighbors of an upward scan from `low` between which survival begins.
 
     None if nothing survives; without width if `low` survives.
     """
     if survives(low):
         return Bracket(low, low)
-    high = min(max(near / 4, SCAN * low), most)
+    high = min(SCAN * low or FIRST, most)
     while not survives(high):
         if high >= most:
             return None
@@ -199,7 +186,7 @@ def _lost_first(trials: Trials, mw: np.ndarray, k: int) -> int | str | None:
     return next((run.machine for run in runs if not run.stable), None)
 
 
-def by_scaling(trials: Trials, mw: np.ndarray, k: int, fine: float = 1e-4) -> np.ndarray | None:
+def by_scaling(trials: Trials, mw: np.ndarray, k: int) -> np.ndarray | None:
     """Forward differences of 1/alpha_k, one bisection per candidate: the gradient by definition; None if they fail."""
 
     def inverse(tried: np.ndarray) -> float:
@@ -213,7 +200,7 @@ def by_scaling(trials: Trials, mw: np.ndarray, k: int, fine: float = 1e-4) -> np
             high *= 1.25
             if high > 10:
                 return np.nan
-        return 1 / bisect(survives, low, high, fine)
+        return 1 / bisect(survives, low, high, FINEST)
 
     step = 2 * STEP * mw.sum()
     here = inverse(mw)
@@ -225,9 +212,10 @@ def by_scaling(trials: Trials, mw: np.ndarray, k: int, fine: float = 1e-4) -> np
 def by_swept_angle(trials: Trials, mw: np.ndarray, k: int, J: np.ndarray) -> np.ndarray | None:
     """Equal-area gradient from one simulation: work of each MW on the advanced machines, from clearing to the peak.
 
-    d_i = integral from clearing to the first peak of sgn_i gate_i sum_j w_j J_ji d(theta), theta the angle of the
-    advanced machines C relative to the others N, w the shares of their one-machine equivalent: M_N / M on C, -M_C / M
-    on N.
+    d_i = integral from clearing to the largest theta of order_i sum_j w_j J_ji d(theta), theta the angle of the
+    advanced machines C relative to the others N, and w the shares of their one-machine equivalent with the inertia
+    M = M_C + M_N: M_N / M on C, -M_C / M on N. C and N are on either side of the widest gap of the angles at the
+    instant at which they are farthest apart.
 
     Parameters
     ----------

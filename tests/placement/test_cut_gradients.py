@@ -7,7 +7,7 @@ from stabctl.clearing import Search
 from stabctl.dynamics import operating_point
 from stabctl.model.tables import Storage
 from stabctl.placement import _scaling
-from stabctl.placement._scaling import critical_scaling
+from stabctl.placement._scaling import FINE, FINEST, along, bisect, critical_scaling
 from stabctl.placement.sensitivity import sensitivity
 from stabctl.placement.trials import Trials
 from stabctl.simulation.contingency import Contingency
@@ -37,7 +37,9 @@ def by_scaling(trials, boundary):
 
 
 def _critical(trials, mw, k):
-    return critical_scaling(lambda a: trials.survives(a * mw, k), 6.0, fine=1e-4)
+    survives = along(trials, mw, k)
+    first = critical_scaling(survives, 6.0)
+    return bisect(survives, (1 - FINE) * first, first, FINEST)
 
 
 def _degrees(a, b):

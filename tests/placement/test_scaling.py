@@ -47,7 +47,6 @@ def test_none_survives_up_to_the_most():
 
 def test_what_survives_at_the_lowest_needs_no_more():
     assert critical_scaling(lambda a: True, 4.0) == 0.0
-    assert critical_scaling(lambda a: True, 4.0, low=0.3) == 0.3
 
 
 class Planes:
