@@ -1,11 +1,10 @@
 """A critical clearing time: the longest fault, on a grid of clearing times, after which the system stays stable."""
 
 from dataclasses import dataclass
-from html import escape
 from itertools import groupby
 from typing import TYPE_CHECKING, Literal
 
-from stabctl._util.tabular import machine_column
+from stabctl._util.tabular import Tabular, machine_column
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted, enumerated
 from stabctl.model import naming
@@ -35,7 +34,7 @@ Status = Literal["found", "unstable_at_zero", "stable_at_limit"]
 
 
 @dataclass(frozen=True, repr=False)
-class ClearingTime:
+class ClearingTime(Tabular):
     """A critical clearing time, and how it was found.
 
     Attributes
@@ -253,8 +252,3 @@ class ClearingTime:
             return " ".join(part for part in (text, self.stall(), self.remark(), self.undecided()) if part)
         text = f"{what}: critical clearing time {self.cycles:g} cycles ({self.seconds:.4f} s){first} ({observed})."
         return " ".join(part for part in (text, self.stall(), self.remark(), self.undecided(), self.window()) if part)
-
-    __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        return f"<p>{escape(str(self))}</p>{self.df.to_html(index=False)}"

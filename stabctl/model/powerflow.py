@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from html import escape
 from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -122,7 +123,7 @@ class PowerFlow:
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        return f"<p>{self}</p>{self.df.to_html(float_format='{:.4g}'.format)}"
+        return f"<p>{escape(str(self))}</p>{self.df.to_html(float_format='{:.4g}'.format)}"
 
 
 def solve(case: Case, limit: int = 30) -> PowerFlow:

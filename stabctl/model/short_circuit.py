@@ -4,13 +4,13 @@ The faults are three-phase and bolted, at 1 pu, fed by the synchronous machines.
 """
 
 from dataclasses import dataclass
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from stabctl import devices
 from stabctl._util.errors import StudyError
+from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 
@@ -25,7 +25,7 @@ BLOCK = 256  # columns of the impedance matrix at a time
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ShortCircuit:
+class ShortCircuit(Tabular):
     """Short-circuit power of every bus of a case.
 
     Attributes
@@ -77,11 +77,6 @@ class ShortCircuit:
         ends = (f"{self.mva[k]:.0f} MVA at bus {self.case.buses[k].bus}" for k in (weakest, strongest))
         return f"short-circuit power of {self.case.name}: from {' to '.join(ends)}"
 
-    __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        return f"<p>{escape(str(self))}</p>{self.df.to_html(index=False, float_format='{:.4g}'.format)}"
-
 
 def short_circuit(base: Any, *, trip: str | None = None) -> ShortCircuit:
     """Compute the short-circuit power S = 1/|Z_kk| of every bus.
@@ -117,7 +112,7 @@ def short_circuit(base: Any, *, trip: str | None = None) -> ShortCircuit:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ShortCircuitRatio:
+class ShortCircuitRatio(Tabular):
     """Short-circuit ratios of the converters of a case.
 
     Attributes
@@ -184,11 +179,6 @@ class ShortCircuitRatio:
             f"short-circuit ratio {self.weighted:.2f}; weakest: {self.converters[k]} with SCR {self.ratio[k]:.2f}, "
             f"ESCR {self.equivalent[k]:.2f}"
         )
-
-    __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        return f"<p>{escape(str(self))}</p>{self.df.to_html(index=False, float_format='{:.3f}'.format)}"
 
 
 def short_circuit_ratio(base: Any, *, trip: str | None = None) -> ShortCircuitRatio:

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from html import escape
 from numbers import Integral
 from typing import TYPE_CHECKING, Literal
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from stabctl import devices
 from stabctl._util.errors import StudyError, shown
+from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted, listed
 from stabctl.dynamics.assembly import INFINITE
@@ -102,7 +102,7 @@ class Mode:
 
 
 @dataclass(frozen=True, repr=False)
-class Modes:
+class Modes(Tabular):
     """Eigenvalues with left and right eigenvectors, W^H V = I; by frequency, conjugate pairs next to each other.
 
     Attributes
@@ -334,11 +334,6 @@ class Modes:
         s = self.eigenvalues[k]
         swing = f" +- {abs(s.imag):.4g}j" if s.imag else ""
         return f"eigenvalue {s.real:.4g}{swing} 1/s ({self.label(k)})"
-
-    __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        return f"<p>{escape(str(self))}</p>{self.df.to_html(index=False, float_format='{:.4f}'.format)}"
 
 
 def swings(

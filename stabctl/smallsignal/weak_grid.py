@@ -2,13 +2,13 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from stabctl import devices
 from stabctl._util.errors import EquilibriumError, PowerFlowError, StudyError, shown
+from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
 from stabctl.devices.machines import gencls
 from stabctl.dynamics import operating_point
@@ -30,7 +30,7 @@ INSIDE = 1e-3  # share of the reactance of the grid that is the infinite bus's o
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class WeakGrid:
+class WeakGrid(Tabular):
     """The least damped mode of one converter at an infinite bus, at every short-circuit ratio and loop gain.
 
     Attributes
@@ -121,11 +121,6 @@ class WeakGrid:
             k = np.unravel_index(int(np.nanargmax(self.growth)), self.growth.shape)
             text += f"; fastest growing at SCR {self.scr[k[0]]:g}, gain {self.gain[k[1]]:g} rad/s: {self.labels[k]}"
         return text
-
-    __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        return f"<p>{escape(str(self))}</p>{self.df.to_html(index=False, float_format='{:.4f}'.format)}"
 
 
 def weak_grid(

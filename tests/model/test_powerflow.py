@@ -196,6 +196,9 @@ def test_a_power_flow_prints_itself_and_has_tables(cases):
     assert {"7-8", "7-8#2"} <= set(flow.branches.index)
     assert flow.branches.loss_mw.sum() == pytest.approx(flow.df.p_gen_mw.sum() - flow.df.p_load_mw.sum())
     assert "<table" in flow._repr_html_()
+    named = replace(flow.case, name="<i>two</i>")
+    for result in (named.power_flow(), named.simulate(None, until="0.1s")):
+        assert "&lt;i&gt;two&lt;/i&gt;" in result._repr_html_()
     assert case.power_flow().V == pytest.approx(flow.V)
 
 

@@ -116,7 +116,7 @@ def read(
     records = tuple(dyr.read(Path(dyr_path))) if dyr_path is not None else ()
     dynamics = dyr.device_rows(records, sources, LoadScopes(net.rows["loads"], file), known)
     unsupported = _unsupported(file, net, dynamics, dyr_path)
-    replaced = settle(net, dynamics, sources, dyr_path, missing, missing_controls)
+    replaced = _settle(net, dynamics, sources, dyr_path, missing, missing_controls)
     corrections = (*net.corrections, *dynamics.corrections, *apart, *replaced)
     notes = (*corrections, *(str(u) for u in unsupported if u.kind != WITHOUT_RECORD))
     case = net.case(
@@ -140,14 +140,14 @@ def _unsupported(
     tried = {u.machine for u in dynamics.unsupported}
     places = dict(zip(net.rows["machines"], net.places["machines"], strict=True))
     if dyr_path is not None:
-        for m in without(net, dynamics):
+        for m in _without(net, dynamics):
             if m.name not in tried:
                 reason = f"{Path(dyr_path).name} has no model of it"
                 found.append(Unsupported(WITHOUT_RECORD, places[m], reason, f"machine {m.name}", m.name))
     return (*found, *dynamics.unsupported)
 
 
-def settle(
+def _settle(
     net: Network,
     dynamics: Dynamics,
     sources: Mapping[tuple[int, str], Source],
@@ -160,7 +160,7 @@ def settle(
     Raises `CaseError` with the list if it is refused.
     """
     names = {source.machine: f"{bus}/{id}" for (bus, id), source in sources.items()}
-    lacking = without(net, dynamics) if dyr is not None else []
+    lacking = _without(net, dynamics) if dyr is not None else []
     gone = {names[m.machine] for m in lacking}
     controls = [u for u in dynamics.unsupported if u.machine and u.machine not in gone]
     _refuse(dyr, lacking if missing == "refuse" else [], controls if missing_controls == "refuse" else [], dynamics)
@@ -240,7 +240,7 @@ def _without_owner(dynamics: Dynamics, names: Mapping[int, str]) -> list[str]:
     return said
 
 
-def without(net: Network, dynamics: Dynamics) -> list[Machine]:
+def _without(net: Network, dynamics: Dynamics) -> list[Machine]:
     """The machines that no record models."""
     modeled = {
         naming.number(key) for model in tables.of_role(*tables.UNIT_ROLES) for key in dynamics.rows.get(model, {})
