@@ -180,7 +180,7 @@ class _Block:
         if not (row.g or row.b):
             raise statement.error(f"{self.case.name} has no shunt at bus {at}.")
         gone = SwitchShunt(at, 0.0, -row.g, -row.b)
-        return (at,) if gone in self.after else self._switch(statement, gone)
+        return (at,) if gone in self.after else self._switch(statement, at, gone)
 
     def _changed(self, kind: str, statement: Statement, words: list[Word]) -> tuple[int, ...]:
         """A load or shunt that is set to a value or changed by one, at constant power factor."""
@@ -202,7 +202,7 @@ class _Block:
             raise statement.error("it changes nothing." if not share else f"only {abs(size):g} can be taken away.")
         if of_load:
             return self._step(statement, at, here, share)
-        return self._switch(statement, SwitchShunt(at, 0.0, 0.0, share * row.b))
+        return self._switch(statement, at, SwitchShunt(at, 0.0, 0.0, share * row.b))
 
     def _step(self, statement: Statement, at: int, loads: Sequence[int], share: float) -> tuple[int, ...]:
         """Change loads (rows) by a share of themselves."""
@@ -213,10 +213,10 @@ class _Block:
         self.after.append(LoadStep(at, 0.0, p, q))
         return (at,)
 
-    def _switch(self, statement: Statement, event: SwitchShunt) -> tuple[int, ...]:
-        self._take_once(statement, "shunt", [event.bus])
+    def _switch(self, statement: Statement, at: int, event: SwitchShunt) -> tuple[int, ...]:
+        self._take_once(statement, "shunt", [at])
         self.after.append(event)
-        return (int(event.bus),)
+        return (at,)
 
     def _take_once(self, statement: Statement, what: str, which: Iterable[int]) -> None:
         """Raise `StudyError` if an element is named above, too."""
