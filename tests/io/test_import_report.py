@@ -71,6 +71,16 @@ def test_further_constants_that_are_not_0_are_said(files, more, said):
     assert sum("SEXS of 102/1: 2 further constants are not used." in note for note in notes) == said
 
 
+def test_a_second_stabilizer_of_a_machine_is_said(files):
+    """Both act: the file with the tuned stabilizers behind that with the old ones is not what was tuned."""
+    one = "102 'IEEEST' 1 1 0 0 0 0 0 0 0 0.1 0.1 0 0 1 1 5 0.1 -0.1 0 0 /\n"
+    said = "IEEEST of 102/1: the machine has a stabilizer already; their outputs are added."
+    assert not [note for note in st.load(files(GOVERNED + one)).notes if said in note]
+    notes = [note for note in st.load(files(GOVERNED + one + one)).notes if said in note]
+    assert len(notes) == 1
+    assert "line 5" in notes[0]
+
+
 def test_what_is_not_supported_is_named_once_with_file_and_line(files, stabctl):
     raw = files(f"101 'GENCLS' 1 0 0 /\n{GENROU}103 'UFLSBL' 1 59 /\n\n102 'WTRLY0' 1 1 2 /\n", FACTS)
     code, out, _ = stabctl("import", raw, "--json", "--no-check")
