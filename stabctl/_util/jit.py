@@ -47,6 +47,7 @@ def inline(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def noinline(function: Callable[..., Any]) -> Callable[..., Any]:
     """Mark `function` to be compiled once per caller, not inlined."""
+    vars(function)["inlined"] = False
     _pending.append((function, False))
     return function
 

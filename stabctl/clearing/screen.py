@@ -173,13 +173,15 @@ def _places(
     """The lines screened, if they are, and place and impedance of a fault -> the contingencies with it."""
     kinds = naming.listed(faults) if isinstance(faults, str) else []
     categories = [word for word in kinds if word[:1] in "Pp" and word[1:2].isdigit()]
-    if isinstance(faults, str) and not (kinds and {*kinds} - {*categories} <= {*FAULTS}):
+    own = () if isinstance(faults, str) else faults
+    given: tuple[Contingency | str, ...] = tuple(own) if isinstance(own, Iterable) else (own,)
+    if not given and not (kinds and {*kinds} - {*categories} <= {*FAULTS}):
         known = f"'lines', 'buses', {', '.join(CATEGORIES)}, several of them"
         raise StudyError(f"faults = {shown(faults)} is not allowed; give {known}, or contingencies.")
     if not kinds and buses is not None:
         raise StudyError("buses = ... chooses among the faults at lines and buses; leave it out with contingencies.")
     wanted, found = _wanted(case, buses), lines(case) if "lines" in kinds else Lines((), (), ())
-    chosen = [] if isinstance(faults, str) else [_own(case, one) for one in faults]
+    chosen = [_own(case, one) for one in given]
     for circuit in found.screened:
         chosen += [Contingency(bus, trip=circuit) for bus in map(str, circuit[:2]) if wanted is None or bus in wanted]
     if "buses" in kinds:

@@ -223,7 +223,7 @@ def of(module: ModuleType) -> Device:
 def mistakes(device: Device) -> Iterator[str]:
     """What means nothing in a device, each without its file and without a final period."""
     if device.role not in ROLES:
-        yield f"the role {device.role!r} is not known{_meant(device.role, ROLES)}; use one of {', '.join(ROLES)}"
+        yield f"the role {device.role!r} is not known{_meant(device.role, ROLES) or '; use one of ' + ', '.join(ROLES)}"
     for name in RECORDS:
         if not (isinstance(vars(device)[name], type) and issubclass(vars(device)[name], tuple)):
             yield f"{name} is no record; write class {name}(NamedTuple)"

@@ -35,7 +35,16 @@ def unreadable(module: ModuleType) -> str | None:
 
 def mistake(device: Device) -> str | None:
     """What is wrong with the equations of a device, without a final period; None if nothing is."""
-    return _forbidden(device) or _fails(device)
+    return _forbidden(device) or _fails(device) or _unmarked(device)
+
+
+def _unmarked(device: Device) -> str | None:
+    """An equation, or a function used in one, that is not marked to be compiled."""
+    own = {f.__name__: f for _, f in inspect.getmembers(device.module, inspect.isfunction)}
+    own = {name: f for name, f in own.items() if f.__module__ == device.module.__name__}
+    used = {name for f in own.values() if "inlined" in vars(f) for name in f.__code__.co_names}
+    bare = [name for name in own if name in {*_GIVES, "step", *used} and "inlined" not in vars(own[name])]
+    return f"{bare[0]} is not compiled; write @inline, from stabctl._util.jit, in the line above it" if bare else None
 
 
 def _forbidden(device: Device) -> str | None:

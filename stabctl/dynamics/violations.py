@@ -63,8 +63,14 @@ class Violation(NamedTuple):
             text = f"its {self.limit} must be at {side} {self.value:g} pu{what}"
             return f"{start}{text}; check its parameters and the power there."
         what = what if np.isfinite(self.needed) else " is exceeded at the power flow"
-        text = f"{self.limit} = {self.value:g} pu{what}; widen {self.limit} in {self.table}.csv"
-        return f"{start}{text} or change the power or voltage there."
+        widened = widen(case, self.table, self.unit, self.limit)
+        return f"{start}{self.limit} = {self.value:g} pu{what}; {widened} or change the power or voltage there."
+
+
+def widen(case: Case, table: str, unit: int, limit: str) -> str:
+    """How to widen a limit: in a table of the case, and for a device of a machine also with an option."""
+    option = f" (--set {table}.{case.machines[unit].machine}.{limit}=...)" if unit >= 0 else ""
+    return f"widen {limit} in {table}.csv{option}"
 
 
 def find(case: Case, system: System, equations: Equations, s: np.ndarray) -> Iterator[Violation]:

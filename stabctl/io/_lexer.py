@@ -62,7 +62,7 @@ def lines(path: Path) -> list[str]:
     """The lines of a file; bytes that are not UTF-8 are shown as a replacement character. Raises `CaseError`."""
     try:
         if not path.is_file():
-            raise CaseError(f"{path}: there is no such file.")
+            raise CaseError(f"{path}: {'it is no file' if path.exists() else 'there is no such file'}.")
         if path.stat().st_size > LARGEST_FILE:
             raise CaseError(f"{path}: the file has more than {LARGEST_FILE / 1e6:g} MB, the largest that is read.")
         text = path.read_bytes().decode("utf-8-sig", errors="replace")

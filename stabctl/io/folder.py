@@ -80,6 +80,8 @@ def find(name: str | Path) -> Path:
     except OSError as error:
         raise CaseError(f"{text}: the folder cannot be read ({error.strerror}).") from None
     if not found:
+        if text.lower().endswith(".dyr"):
+            raise CaseError(f"{text!r} is no case: give the RAW file, and the DYR file with --dyr (dyr=... in Python).")
         raise CaseError(f"There is no case {text!r}: give a folder, or one of {', '.join(packaged())}.")
     return Path(name)
 

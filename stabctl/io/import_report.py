@@ -178,7 +178,7 @@ def import_report(
     kinds: tuple[Kind, ...] = ()
     ending = Path(raw).suffix.lower()
     if ending not in (".raw", ".m"):
-        raise StudyError(f"{raw} is not a file ending in .raw or .m; other cases need no import.")
+        raise StudyError(f"{raw} is not a file ending in .raw or .m, which comes first; a folder needs no import.")
     if ending == ".m":
         if dyr is not None:
             raise StudyError(f"{dyr} cannot be used: a DYR file belongs to a PSS/E file ending in .raw.")

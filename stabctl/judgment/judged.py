@@ -155,7 +155,7 @@ class _Seen:
             yield from self._swings(rule)
 
     def _voltage(self, rule: Voltage) -> "Iterator[Violation | str]":
-        case, size = self.run.point.case, self.run.values("voltage")
+        case, size = self.run.point.case, np.where(self.run.energized, self.run.values("voltage"), np.nan)
         before = np.abs(self.run.point.V)
         wanted = {"loads": {x.bus for x in case.loads}, "machines": {m.storage_bus or m.bus for m in case.machines}}
         level, sign = _side(rule)
@@ -197,7 +197,7 @@ class _Seen:
                 rule.name,
                 place.name,
                 self.fault + allowed,
-                float(place.values[self.time >= self.cleared].min()),
+                float(np.nanmin(place.values[self.time >= self.cleared])),
                 place.unit,
                 limit,
             )

@@ -22,6 +22,7 @@ from .channels import QUANTITIES
 from .outcome import Outcome
 from .swings import group
 from .timeline import Change
+from .topology import stage
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -85,6 +86,13 @@ class Trajectory:
     def on(self) -> np.ndarray:
         """Whether the unit of a rotor was on (rows, rotor units)."""
         return self.time[:, None] < self.happened.off_s[self.point.rotors.unit] - 1e-9
+
+    @cached_property
+    def energized(self) -> np.ndarray:
+        """Whether a bus was in an island with a voltage source (rows, buses)."""
+        starts = [change.at for change in self.happened.changes]
+        alive = np.array([stage(self.point, change.switching).net.alive for change in self.happened.changes])
+        return alive[np.searchsorted(starts, self.time + 1e-9, side="right") - 1]
 
     @cached_property
     def angle_from_coi_deg(self) -> np.ndarray:

@@ -12,6 +12,7 @@ from stabctl.dynamics.jacobian import Derivatives, Matrix
 from stabctl.dynamics.newton import FAR
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import Signal
+from stabctl.dynamics.violations import widen
 
 STILL = 1e-8  # 1/s and pu on 100 MVA   largest state derivative and current mismatch of an equilibrium
 NUDGE = 1e-8  # perturbation of every signal, which moves a value off a limit
@@ -62,7 +63,7 @@ def limited(point: OperatingPoint) -> None:
             )
             raise LinearizationError(
                 f"{f.device.name} of {where} is exactly at its limit {parameter} = {limit:g} pu, where its derivative "
-                f"is discontinuous; widen {parameter} in {name}.csv, or choose another operating point."
+                f"is discontinuous; {widen(point.case, name, unit, parameter)}, or choose another operating point."
             )
     raise LinearizationError(
         f"The equations at {_where(point, rows[0])} are not differentiable at the operating point of "

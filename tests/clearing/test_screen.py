@@ -253,6 +253,9 @@ def test_impossible_screens_are_refused(points, tmp_path, screens):
     for wrong in (99, "7 99", [7.5], 3.5, ["x"]):
         with pytest.raises(StudyError, match="bus"):
             screen(points("two_area"), buses=wrong)
+    for wrong, said in (([], r"faults = \[\] is not allowed; give 'lines'"), (7, "7 has no fault whose clearing time")):
+        with pytest.raises(StudyError, match=said):
+            screen(points("two_area"), faults=wrong)
     with pytest.raises(StudyError, match="workers"):
         screen(points("two_area"), workers=0)
     with pytest.raises(StudyError, match=r"\.csv"):

@@ -82,6 +82,12 @@ MISTAKES = {
         "Kv: float",
         "write every field as name: Annotated",
     ),
+    "an equation that is not compiled": ("@inline\ndef output", "def output", "output is not compiled; write @inline"),
+    "a helper that is not compiled": (
+        "@inline\ndef output(x, u, p):\n",
+        "def helper(z):\n    return z\n\n\n@inline\ndef output(x, u, p):\n    helper(x.slow)\n",
+        "helper is not compiled; write @inline",
+    ),
     "it exits": ('ROLE = "stab', 'raise SystemExit(3)\nROLE = "stab', "cannot be run: SystemExit: 3"),
 }
 

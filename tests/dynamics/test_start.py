@@ -129,7 +129,7 @@ def test_a_limit_beyond_which_the_start_lies_is_named_with_device_and_machine(mo
         operating_point.solve(small(tight))
     start = f"{devices.every()[model].name} of machine 1 at bus 1 cannot be initialized: {limit} = {figure:g} pu"
     assert str(caught.value).startswith(start)
-    assert f"widen {limit} in {model}.csv" in str(caught.value)
+    assert f"widen {limit} in {model}.csv (--set {model}.1.{limit}=...)" in str(caught.value)
 
 
 def test_a_bypassed_block_has_no_state_that_could_lie_beyond_a_limit():

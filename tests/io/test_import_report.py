@@ -71,6 +71,39 @@ def test_further_constants_that_are_not_0_are_said(files, more, said):
     assert sum("SEXS of 102/1: 2 further constants are not used." in note for note in notes) == said
 
 
+def test_a_file_that_is_cut_off_is_said_first(files, stabctl):
+    """Half a file may still be a system: what is missing must not be left out in silence."""
+    raw = files(GOVERNED)
+    whole = raw.read_text()
+    assert not [note for note in st.load(raw).notes if "cut off" in note]
+    raw.write_text(whole[: whole.index("0 /End of Branch data")])
+    assert (
+        st.load(raw).notes[0]
+        == f"{raw}: the file ends in its branch data without the record 0 behind them; is it cut off?"
+    )
+    raw.write_text(whole[: whole.index("0 /End of Branch data")] + "Q\n")
+    assert not [note for note in st.load(raw).notes if "cut off" in note]
+
+
+def test_a_file_in_the_place_of_another_is_told(files, stabctl, tmp_path):
+    raw = files(GOVERNED)
+    dyr = raw.with_suffix(".dyr")
+    assert stabctl("powerflow", dyr)[2].startswith(
+        f"stabctl: '{dyr}' is no case: give the RAW file, and the DYR file with"
+    )
+    assert stabctl("powerflow", raw, "--dyr", tmp_path)[::2] == (2, f"stabctl: {tmp_path}: it is no file.\n")
+
+
+def test_a_second_stabilizer_of_a_machine_is_said(files):
+    """Both act: the file with the tuned stabilizers behind that with the old ones is not what was tuned."""
+    one = "102 'IEEEST' 1 1 0 0 0 0 0 0 0 0.1 0.1 0 0 1 1 5 0.1 -0.1 0 0 /\n"
+    said = "IEEEST of 102/1: the machine has a stabilizer already; their outputs are added."
+    assert not [note for note in st.load(files(GOVERNED + one)).notes if said in note]
+    notes = [note for note in st.load(files(GOVERNED + one + one)).notes if said in note]
+    assert len(notes) == 1
+    assert "line 5" in notes[0]
+
+
 def test_what_is_not_supported_is_named_once_with_file_and_line(files, stabctl):
     raw = files(f"101 'GENCLS' 1 0 0 /\n{GENROU}103 'UFLSBL' 1 59 /\n\n102 'WTRLY0' 1 1 2 /\n", FACTS)
     code, out, _ = stabctl("import", raw, "--json", "--no-check")
@@ -134,7 +167,10 @@ def test_only_raw_files_are_imported(files, stabctl):
     raw = files(GOVERNED)
     for other in (raw.with_suffix(".dyr"), "two_area"):
         code, _, err = stabctl("import", other)
-        assert (code, err) == (2, f"stabctl: {other} is not a file ending in .raw or .m; other cases need no import.\n")
+        assert (code, err) == (
+            2,
+            f"stabctl: {other} is not a file ending in .raw or .m, which comes first; a folder needs no import.\n",
+        )
 
 
 def test_the_dyr_file_beside_may_have_capital_letters(files):

@@ -144,6 +144,20 @@ def test_what_a_run_is_too_short_for_is_said(run, tmp_path):
     assert found.undecided == ("r: bus 9 has not recovered when the run ends at 9.000 s; simulate longer.",)
 
 
+def test_a_bus_that_the_contingency_cuts_off_has_no_voltage_to_recover(tmp_path):
+    """Its load is lost with it: only its voltage before counts, and the page does not show 0 as the lowest one."""
+    ours = rules(tmp_path, '[[voltage]]\nname = "r"\nof = "before"\nbelow = 0.8\nrecover = "1s"\nbuses = "all"\n')
+    run = st.load("ieee39").simulate(st.Contingency("12", clear="6cyc", trip="12-11, 12-13"), until="4s")
+    last = run.values("voltage")[-1]
+    assert run.outcome.stable
+    assert [b.bus for b, v in zip(run.point.case.buses, last, strict=True) if v == 0] == [12]
+    assert (run.energized[:, 11] == (run.time < 1.1 - 1e-9)).all()
+    assert run.energized.sum(axis=1)[-1] == 38
+    assert run.judge(ours).kept
+    late = run.judge(rules(tmp_path, '[[voltage]]\nname = "d"\nbelow = 0.5\nlongest = "80ms"\nbuses = "all"\n'))
+    assert "bus 12" in [v.where for v in late.violations], "what came before counts"
+
+
 def test_an_unstable_run_keeps_no_criteria(tmp_path):
     lost = st.load("two_area").simulate(st.Contingency("7", clear="30cyc"), until="5s")
     found = lost.judge(rules(tmp_path, '[[frequency]]\nname = "f"\nbelow = 1.0\n'))

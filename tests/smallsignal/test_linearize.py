@@ -155,8 +155,11 @@ def _with(case, table, machine, **changed):
 
 def test_a_stabilizer_limit_at_the_operating_point_is_named(point):
     case = _with(point("two_area").case, "pss", 2, Vmax=0.0)
-    with pytest.raises(LinearizationError, match="PSS of machine 2 at bus 2 is exactly at its limit Vmax = 0 pu"):
+    with pytest.raises(
+        LinearizationError, match="PSS of machine 2 at bus 2 is exactly at its limit Vmax = 0 pu"
+    ) as caught:
         linearize(operating_point.solve(case))
+    assert "widen Vmax in pss.csv (--set pss.2.Vmax=...)" in str(caught.value)
 
 
 def test_a_governor_at_full_gate_is_named(point):

@@ -133,6 +133,10 @@ class Dynamics:
         self.rows[model][own] = par
         self.places[model].append(place)
 
+    def has(self, role: str, key: naming.Key) -> bool:
+        """Whether there is a device of a role at a machine."""
+        return any(key in self.rows[model] for model in tables.of_role(role))
+
 
 class LoadScopes:
     """The loads of a system with their areas, zones and owners.
@@ -255,6 +259,11 @@ def _read(
         return
     found.corrections += [f"{record.place}, {record.kind} of {record.bus}/{record.id}: {s}" for s in sentences]
     found.supported.append(record)
+    if role == "stabilizer" and found.has(role, owners[0]):
+        found.corrections.append(
+            f"{record.place}, {record.kind} of {record.bus}/{record.id}: the machine has a stabilizer already; "
+            "their outputs are added."
+        )
     for key in owners:
         found.add(model, key, par, record.place)
 

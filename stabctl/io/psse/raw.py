@@ -69,6 +69,7 @@ class Raw:
     title: str
     sections: dict[str, list[tuple[Any, Place]]] = field(default_factory=dict)
     unmodeled: list[Unmodeled] = field(default_factory=list)
+    cut: str = ""  # that the file ends before all data of the network, in a sentence
 
     def of(self, section: str) -> list[tuple[Any, Place]]:
         """The records of a section."""
@@ -142,6 +143,8 @@ def _section(raw: Raw, section: str, texts: Iterator[tuple[Place, str]], before:
             raw.unmodeled.append(record)
         elif record is not None:
             found.append((record, place))
+    if section in _FIRST.format("", "").split("area")[0]:
+        raw.cut = f"{raw.path}: the file ends in its {section} data without the record 0 behind them; is it cut off?"
     return None
 
 

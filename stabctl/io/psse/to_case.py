@@ -117,7 +117,7 @@ def read(
     dynamics = dyr.device_rows(records, sources, LoadScopes(net.rows["loads"], file), known)
     unsupported = _unsupported(file, net, dynamics, dyr_path)
     replaced = _settle(net, dynamics, sources, dyr_path, missing, missing_controls)
-    corrections = (*net.corrections, *dynamics.corrections, *apart, *replaced)
+    corrections = (*filter(None, [file.cut]), *net.corrections, *dynamics.corrections, *apart, *replaced)
     notes = (*corrections, *(str(u) for u in unsupported if u.kind != WITHOUT_RECORD))
     case = net.case(
         Path(raw_path),

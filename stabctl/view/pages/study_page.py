@@ -139,7 +139,7 @@ def _worst(study: Study) -> Iterator[Part]:
     rows = []
     for m, run in zip(study.margins, study.worst, strict=False):
         after = run.time >= run.happened.changes[-1].at - 1e-9
-        lowest = f"{np.abs(run.arrays.V[after]).min():.3f}" if after.any() else ""
+        lowest = f"{np.abs(run.arrays.V[after])[run.energized[after]].min():.3f}" if after.any() else ""
         outcome = run.outcome.kind.value.replace("_", " ")
         rows.append(
             (m.found.contingency.label, outcome, f"{run.max_angle_from_coi_deg:.1f}", lowest, run.outcome.message)
