@@ -173,8 +173,7 @@ def _places(
     """The lines screened, if they are, and place and impedance of a fault -> the contingencies with it."""
     kinds = naming.listed(faults) if isinstance(faults, str) else []
     categories = [word for word in kinds if word[:1] in "Pp" and word[1:2].isdigit()]
-    own = () if isinstance(faults, str) else faults
-    given: tuple[Contingency | str, ...] = tuple(own) if isinstance(own, Iterable) else (own,)
+    given = () if isinstance(faults, str) else tuple(faults) if isinstance(faults, Iterable) else (faults,)
     if not given and not (kinds and {*kinds} - {*categories} <= {*FAULTS}):
         known = f"'lines', 'buses', {', '.join(CATEGORIES)}, several of them"
         raise StudyError(f"faults = {shown(faults)} is not allowed; give {known}, or contingencies.")
