@@ -126,7 +126,7 @@ COMMANDS = {
         " --longest 0 --limit 20cyc --storage-model regc --storage-mva 120%"
     ),
     "place": command(
-        "place two_area --classical --contingencies wanted.toml --observe 2 --cap 150MW --workers 1 --out fleet.csv",
+        "place two_area --classical --contingencies wanted.toml --observe 2 --cap 150MW --workers 1",
         page=True,
     ),
 }  # fmt: skip

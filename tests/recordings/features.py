@@ -71,7 +71,7 @@ def _():
         "outcomes": {name: run.outcome for name, run in runs.items()},
         "lost": {name: run.unstable_machines for name, run in runs.items()},
         "figure": drawn(runs["near"].plot("angle")),
-        "judged": {name: runs["usual"].judge(name) for name in (GIVEN / "criteria.toml", "entso-e")},
+        "judged": [runs["usual"].judge(name) for name in (GIVEN / "criteria.toml", "entso-e")],
     }
 
 
