@@ -5,7 +5,7 @@ import json
 import re
 from pathlib import Path
 
-from described import described
+from described import described, timeless
 from recordings.studies import GIVEN, STUDIES
 
 import stabctl as st
@@ -41,7 +41,7 @@ def told(read, path, text):
     try:
         found = read(path)
     except st.StabctlError as error:
-        return re.sub(r"/\S*/(?=[\w.-]+)", "", str(error))
+        return timeless(str(error))
     return summary(found)
 
 
@@ -50,7 +50,7 @@ def summary(found):
     if not isinstance(found, st.Case):
         return digest(found)
     sums = {name: digest(getattr(found, name)) for name in ("buses", "branches", "machines", "loads", "devices")}
-    return {"sizes": str(found), "notes": list(found.notes), **sums}
+    return {"sizes": str(found), "notes": [timeless(note) for note in found.notes], **sums}
 
 
 def digest(value):
