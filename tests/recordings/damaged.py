@@ -14,7 +14,7 @@ from stabctl.io.contingencies import monitored
 
 NUMBER = re.compile(r"(?<![\w.'])-?\d+(?:\.\d+)?(?!['\w.])")
 KINDS = "left out", "twice", "x", "0", "-"
-TWICE = 2  # damages of a line
+TWICE = 1  # damages of a line
 
 
 def damaged(text):
