@@ -134,7 +134,7 @@ def test_contingencies_that_are_given_keep_their_names(base):
         ({"faults": "poles"}, "give 'lines', 'buses', P1"),
         ({"faults": [3]}, "has no fault whose clearing time"),
         ({"faults": ["7-99"]}, "no bus 99"),
-        ({"faults": [], "buses": "7"}, "leave it out with contingencies"),
+        ({"faults": [], "buses": "7"}, "several of them, or contingencies"),
     ],
 )
 def test_faults_that_cannot_be_are_told(base, given, said):

@@ -31,6 +31,7 @@ NEWEST = 35  # version that is read
 _END = re.compile(r"""\s*(['"]?)0\1\s*(?:/|$|[A-Za-z])""")
 _ZEROS = re.compile(r"""\s*(['"]?)0\1(?:[\s,]+0)*[\s,]*(?:/|$)""")  # the same with further fields, empty or 0
 _QUIT = re.compile(r"\s*[Qq]\s*$")
+_NETWORK = "bus", "load", "generator", "branch", "transformer"  # sections that no network is whole without
 _FIRST = "bus load {}generator branch {}transformer area dc vsc "
 _LAST = "impedance_correction multiterminal_dc multisection_line zone transfer owner facts"
 
@@ -143,7 +144,7 @@ def _section(raw: Raw, section: str, texts: Iterator[tuple[Place, str]], before:
             raw.unmodeled.append(record)
         elif record is not None:
             found.append((record, place))
-    if section in _FIRST.format("", "").split("area")[0]:
+    if section in _NETWORK:
         raw.cut = f"{raw.path}: the file ends in its {section} data without the record 0 behind them; is it cut off?"
     return None
 
