@@ -28,6 +28,7 @@ ROUNDOFF = 1e-15  # the same relative to the largest derivative of its equation,
 STALLED = 1e-14  # of the sum of the terms of an equation: residual that is rounding, if no step reduces it any more
 FAR = 1e9  # value of an opened limit
 STEPS = 30
+EQUAL = 0.999  # of the largest: the first one counts, whatever rounding says
 
 
 class Newton:
@@ -165,9 +166,10 @@ class Newton:
                 inner = np.linalg.solve(J[:, n:m, n:m], J[:, n:m, :n])
                 A = J[:, :n, :n] - J[:, :n, n:m] @ inner
                 size = np.abs(np.linalg.eigvals(A)).max(axis=1)
-                k = int(size.argmax())
-                if size[k] > largest:
-                    largest, stiff = float(size[k]), (A[k], columns[these][k, :n])
+                k = int((size >= EQUAL * size.max()).argmax())
+                if size[k] * EQUAL > largest:
+                    stiff = A[k], columns[these][k, :n]
+                largest = max(largest, float(size.max()))
         return largest, _main(*stiff)
 
 
@@ -235,8 +237,8 @@ def _main(A: np.ndarray, states: np.ndarray) -> int:
         return -1
     values, right = np.linalg.eig(A)
     k = int(np.abs(values).argmax())
-    left = np.linalg.pinv(right)[k]
-    return int(states[np.abs(left * right[:, k]).argmax()])
+    share = np.abs(np.linalg.pinv(right)[k] * right[:, k])
+    return int(states[(share >= EQUAL * share.max()).argmax()])
 
 
 class Alike(NamedTuple):

@@ -340,7 +340,8 @@ class DelayedModes(Modes):
         return super()._fastest_growing() if known else f"{counted(self.growing, 'root')} that grow were not found"
 
     def __str__(self) -> str:
-        moved = f"the approximation in the simulation moves swings by {self.correction:.1e} 1/s"
+        how = f"by {self.correction:.1e}" if self.correction > CONVERGED else f"by less than {CONVERGED:g}"
+        moved = f"the approximation in the simulation moves swings {how} 1/s"
         return f"{super().__str__()} {self.proof()}; {moved}."
 
     def proof(self) -> str:

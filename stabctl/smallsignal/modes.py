@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 
 SWING = 1 / 3  # least participation of angles and speeds in a swing mode: n - 1 in every packaged case of n machines
+EQUAL = 0.999  # of the largest participation: the first such state is the dominant one, whatever rounding says
+ROUNDOFF = 1e-6  # deg
 NAMED = 0.2  # participation, relative to the largest, from which a machine is named
 TOGETHER = 0.7  # |sum H s| / sum H |s| above which the machines move together
 STANDING = 1e-4 * INFINITE  # s   inertia of an infinite bus, whatever its MVA
@@ -226,10 +228,12 @@ class Modes(Tabular):
             raise StudyError(
                 f"There is no mode {shown(k)}; give a number from 0 to {count - 1}, such as one of swings()."
             )
-        first = np.argsort(-self.shares[:, k], kind="stable")[:10]
+        first = np.argsort(-self.shares[:, k].round(6), kind="stable")[:10]  # equal ones in their order
         shares = tuple(Share(self.linear.states[i], float(self.shares[i, k])) for i in first)
-        parts = zip(self.linear.point.rotor_names, self.shapes[:, k], strict=True)
-        shape = tuple(Part(name, float(abs(s)), float(np.angle(s, deg=True))) for name, s in parts)
+        angles = np.angle(self.shapes[:, k], deg=True)
+        angles[angles <= ROUNDOFF - 180] = 180.0
+        parts = zip(self.linear.point.rotor_names, np.abs(self.shapes[:, k]), angles, strict=True)
+        shape = tuple(Part(name, float(size), float(angle)) for name, size, angle in parts)
         return Mode(complex(self.eigenvalues[k]), bool(self.electromechanical[k]), self.label(k), shares, shape)
 
     def swings(self) -> list[int]:
@@ -397,7 +401,7 @@ def leader(linear: Linear, share: np.ndarray, speeds: np.ndarray, oscillates: bo
     rotor = np.r_[linear.speeds(), linear.angles()]
     if oscillates and share[rotor].sum() > SWING and _together(speeds[:, None], linear.point)[0] >= TOGETHER:
         return "common frequency: all machines together"
-    return converter_loop(linear, share) or linear.states[int(share.argmax())]
+    return converter_loop(linear, share) or linear.states[int((share >= EQUAL * share.max()).argmax())]
 
 
 def converter_loop(linear: Linear, share: np.ndarray) -> str | None:

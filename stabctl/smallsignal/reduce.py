@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as sl
+from scipy.sparse.csgraph import connected_components
 
 from stabctl._util.errors import StudyError
 from stabctl._util.wording import counted
@@ -13,6 +14,11 @@ from stabctl.dynamics.layout import unique
 from .analysis import analyze
 from .model import Linear, Model
 from .modes import Modes
+
+CERTAIN = 1e6  # |left| |right| of a mode up to which its vectors are good
+NEAR = 1e-2  # relative distance of eigenvalues that are taken together
+
+Matrices = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, repr=False)
@@ -125,8 +131,7 @@ def balanced(modes: Modes, order: int) -> Reduced:
             f"{linear.name} cannot be reduced to {counted(order, 'state')}: of its {n} states, {kept} unstable or zero "
             f"modes must be kept; choose an order from {kept + 1} to {n}."
         )
-    stable = np.setdiff1d(np.arange(n), loose)
-    A, B, C = _block(modes, stable)
+    A, B, C = _block(modes, np.setdiff1d(np.arange(n), loose))
     P, Q = (_factor(sl.solve_continuous_lyapunov(*pair)) for pair in ((A, -B @ B.T), (A.T, -C.T @ C)))
     U, hankel, Vt = np.linalg.svd(Q.T @ P)
     r = min(order - kept, int((hankel > 1e-12 * hankel[0]).sum()))
@@ -184,9 +189,36 @@ def _left_basis(modes: Modes, chosen: np.ndarray) -> np.ndarray:
     return np.array(rows)
 
 
-def _block(modes: Modes, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    T, L = _real_basis(modes, chosen)[0], _left_basis(modes, chosen)
-    return L @ modes.linear.A @ T, L @ modes.linear.B, modes.linear.C @ T
+def _block(modes: Modes, chosen: np.ndarray) -> Matrices:
+    """A, B, C of some modes, in a real basis.
+
+    Where rounding decides the vectors, as it does where eigenvalues repeat, the basis is one of Schur vectors.
+    """
+    linear, s = modes.linear, modes.eigenvalues[chosen]
+    upper = np.where(s.imag < 0, s.conj(), s)
+    near = np.abs(upper[:, None] - upper) < NEAR * np.maximum(1, np.abs(s))
+    member = connected_components(near, directed=False)[1]
+    condition = (np.linalg.norm(modes.left, axis=0) * np.linalg.norm(modes.right, axis=0))[chosen]
+    vague = np.unique(member[condition > CERTAIN])
+    clear = chosen[~np.isin(member, vague)]
+    T, L = ([_real_basis(modes, clear)[0]], [_left_basis(modes, clear)]) if len(clear) else ([], [])
+    for group in (chosen[member == g] for g in vague):
+        right, left = (_invariant(M, modes, group) for M in (linear.A, linear.A.T))
+        T.append(right)
+        L.append(np.linalg.solve(left.T @ right, left.T))
+    basis, dual = np.hstack(T), np.vstack(L)
+    return dual @ linear.A @ basis, dual @ linear.B, linear.C @ basis
+
+
+def _invariant(A: np.ndarray, modes: Modes, group: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of the space of a group of the modes of A."""
+    s, inside = modes.eigenvalues, np.isin(np.arange(len(modes)), group)
+    Z, found = sl.schur(A, sort=lambda re, im: inside[np.abs(s - (re + 1j * im)).argmin()])[1:]
+    if found != len(group):
+        raise StudyError(
+            f"{modes.linear.name} cannot be reduced: rounding decides how many eigenvalues are near {s[group[0]]:.4g} 1/s."
+        )
+    return Z[:, : len(group)]
 
 
 def _factor(X: np.ndarray) -> np.ndarray:

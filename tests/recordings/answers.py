@@ -66,6 +66,8 @@ def _():
     files = {name: ask(pages, f"/{TOKEN}/{name}")[0] for name in ("", "live.js", "../app.py", "none.js")}
     own = ask(pages, f"/{TOKEN}/case", headers=[("origin", "http://127.0.0.1:8000"), ("sec-fetch-site", "same-origin")])
     case = json.loads(content)
+    kept.pop("content-length")  # of the positions' digits
+    case["diagram"] = {name: np.shape(value) for name, value in case["diagram"].items()}  # positions are in "diagrams"
     return found | {"case": [status, *sorted(case), case], "headers": kept, "refused": refused, "files": files} | {
         "own": own[0], "token": ask(pages, "/other/case")[0],
     }  # fmt: skip
@@ -124,7 +126,7 @@ def _():
     one, two = dampers()
     laws = {
         "feedback": st.Feedback(2.0, 0.1, deadband="10mHz"),
-        "braking": st.Feedback(0.0, 0.3, braking=True),
+        "braking": st.Feedback(0.0, 0.03, braking=True),
         "sampled": st.BangBang("40mHz").sampled(50, "40ms"),
         "storage": st.StorageLaw(((1021, 1022),), 1.5, slope=0.02, deadband="25mHz").sampled(25),
         "gated": [replace(one, gate=st.Gate("voltage:1002", low=0.7, start=0.1)), two],

@@ -199,7 +199,7 @@ def _():
     return found | {"accuracy": found["kinematic"].accuracy_between(0.3, 0.7)}
 
 
-@recorded("diagrams")
+@recorded("diagrams", loose=1e-2)
 def _():
     point, case = second_point(), st.load("two_area")
     return {
