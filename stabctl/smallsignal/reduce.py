@@ -216,7 +216,7 @@ def _invariant(A: np.ndarray, modes: Modes, group: np.ndarray) -> np.ndarray:
     Z, found = sl.schur(A, sort=lambda re, im: inside[np.abs(s - (re + 1j * im)).argmin()])[1:]
     if found != len(group):
         raise StudyError(
-            f"{modes.linear.name} cannot be reduced: rounding decides how many eigenvalues are near {s[group[0]]:.4g} 1/s."
+            f"{modes.linear.name} cannot be reduced: rounding decides how many modes are near {s[group[0]]:.4g} 1/s."
         )
     return Z[:, : len(group)]
 
