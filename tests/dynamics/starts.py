@@ -34,7 +34,7 @@ DAMAGE = {
 OF_FILES = *DAMAGE, "exchanged", "gone", "a folder", "a link to nothing"
 OF_ALL = "locked", "written to", "full disk", "no cache", "two at once", "other version"
 HEAVY = 0.1  # how often the file of the stepper, which takes long to compile, may be damaged
-TIMEOUT = 120  # s
+TIMEOUT = 600  # s   everything is compiled in it, on a busy machine
 
 
 def flipped(data, k, bit):
