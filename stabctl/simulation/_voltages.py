@@ -10,7 +10,8 @@ from ._buffers import NOTE
 from ._substitution import backward, forward, middle
 
 TOLERANCE = 1e-7  # pu   voltage error at which the iteration ends
-CLOSE = 1e-9  # pu   the same where Newton's method is prepared
+QUIET = 2e-8  # pu   the same where Newton's method is prepared, and the iteration converges quickly again
+CLOSE = 1e-9  # pu   the same where it does not
 LIMIT = 30  # -    iterations
 FEW = 10  # -    iterations that cost about as much as Newton's method
 SLOW = 15  # -    iterations, of so many solutions
@@ -42,7 +43,8 @@ def settle(program, places, net, run):
     elif not prepared and run.notes[NOTE.slow] == ROW:
         return UNPREPARED
     else:
-        count = iterate(CLOSE if prepared else TOLERANCE, program, places, net, run)
+        tolerance = CLOSE if run.notes[NOTE.next] > 0 else QUIET if prepared else TOLERANCE
+        count = iterate(tolerance, program, places, net, run)
         run.notes[NOTE.slow] = run.notes[NOTE.slow] + 1 if count > SLOW else 0
         if count == LIMIT or (prepared and count > FEW):
             run.notes[NOTE.wait] = max(run.notes[NOTE.next], WAIT)
