@@ -1,4 +1,4 @@
-"""Systems with motors, constant-power loads and injections: 10 s with a fault, and stages that need Newton's method."""
+"""Systems with motors, constant-power loads and injections: 10 s with a fault, and how their voltages are found."""
 
 import os
 
@@ -17,6 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from hard import hard
 
 from stabctl import io
+from stabctl.simulation._buffers import NOTE
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
@@ -24,7 +25,8 @@ from stabctl.simulation.simulation import Simulation
 
 def main() -> None:
     """Print the table."""
-    table = Table("system", "steps", "ms", "stages by Newton's method", title="10 s, processor time, least of seven")
+    columns = "system", "steps", "ms", "stages by Newton's method", "iterations per stage"
+    table = Table(*columns, title="10 s, processor time, least of seven")
     for name, case in (*hard(), ("ieee39", io.load("ieee39")), ("wnaps", io.load("wnaps"))):
         point, least = case.initialize(), np.inf
         fault = Contingency(str(case.branches[len(case.branches) // 3].from_bus), 3 / 60, at=0.1)
@@ -32,7 +34,10 @@ def main() -> None:
             simulation = Simulation(setup(point), fault, record=False)
             least = min(least, cpu(lambda simulation=simulation: simulation.advance(10.0)))
         made = simulation.finish()
-        table.add_row(name, str(made.steps), f"{1e3 * least:.3g}", f"{made.newton_stages} of {4 * made.steps}")
+        stages, draws = 4 * made.steps, simulation.notes[NOTE.draws]
+        table.add_row(
+            name, str(made.steps), f"{1e3 * least:.3g}", f"{made.newton_stages} of {stages}", f"{draws / stages:.2f}"
+        )
     console = Console()
     console.print(stated())
     console.print(table)

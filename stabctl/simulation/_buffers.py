@@ -26,11 +26,14 @@ class Note(NamedTuple):
     open: int = 3  # stages at which orders and the accelerations they cause did not agree
     chatter: int = 4  # steps not divided because an order of a continuous law jumps in step after step
     newton: int = 5  # stages at which Newton's method was called
-    slow: int = 6  # solutions in a row for which the fixed-point iteration was slow
-    wait: int = 7  # solutions by Newton's method until it is tried again
-    next: int = 8  # how many these will be at the next time, 0: `WAIT`
-    found: int = 9  # whether Newton's method found them
-    kept: int = 10  # 1: its factors are those of an earlier instant; below 0: not to be used, see `_voltages`
+    draws: int = 6  # evaluations of the voltage-dependent currents
+    slow: int = 7  # solutions in a row for which the fixed-point iteration was slow
+    wait: int = 8  # solutions by Newton's method until it is tried again
+    next: int = 9  # how many these will be at the next time, 0: `WAIT`
+    found: int = 10  # whether Newton's method found them
+    kept: int = 11  # whether its factors are those of an earlier instant, to be used again
+    quick: int = 12  # solutions in a row for which it was not slow
+    begun: int = 13  # whether the voltages begin near the solution, see `_voltages`
 
 
 NOTE = Note()  # a record: its file is then part of the key of machine code on disk; that of a mere number is not
@@ -92,7 +95,7 @@ class Run(NamedTuple):
     newton: np.ndarray  # (2), int   addresses of Newton's method and its arguments, 0: not prepared
     orders: np.ndarray  # (2, held)   values of `Places.held` before a decision, and from the next jump on
     late: np.ndarray  # (1), s   from a timed verdict to the end of its step; -1 until the first step after an event
-    notes: np.ndarray  # (11), int   see `Note`
+    notes: np.ndarray  # (14), int   see `Note`
 
 
 def buffers(s: np.ndarray, layout: "Layout", places: "Places") -> Run:

@@ -26,13 +26,14 @@ from stabctl.dynamics.perform import perform
 from ._buffers import NOTE
 from ._newton_factors import Pattern, eliminate, substitute
 from ._substitution import backward, forward, middle, solve_apart
-from ._voltages import AWAY, CLOSE, FAILED, LIMIT, TOLERANCE, draw, iterate, square
+from ._voltages import CLOSE, FAILED, LIMIT, NEAR, TOLERANCE, draw, iterate, square
 
 if TYPE_CHECKING:
     from ._buffers import Run
     from ._places import Places
 
 END = 1e-10  # pu   voltage error at which `keep` ends
+SMALL = 1e-8  # pu   first change at which it ends; the error is at most a tenth of it, see `QUICK`
 QUICK = 0.1  # of a change, at most left of it in the next one while slopes are kept
 RENEWALS = 8  # of the slopes, at one instant
 FAR = 0.05  # pu   a change of a voltage that is too large for `keep`
@@ -80,12 +81,14 @@ def newton(program, places, net, run, of):
     """
     run.notes[NOTE.newton] += 1
     run.notes[NOTE.found] = 1
-    kept = run.notes[NOTE.kept]
-    if kept > AWAY and keep(program, places, net, run, of):
+    begun = run.notes[NOTE.begun]
+    if begun == NEAR:
+        if keep(program, places, net, run, of):
+            return
+        run.notes[NOTE.kept] = 0
+    if begun != FAILED and iterate(TOLERANCE, program, places, net, run) < LIMIT:
         return
     run.notes[NOTE.kept] = 0
-    if kept > FAILED and iterate(TOLERANCE, program, places, net, run) < LIMIT:
-        return
     for start in range(4):
         begin(start, places, net, run, of)
         if creep(program, places, net, run, of) if start > 1 else descend(program, places, net, run, of):
@@ -138,7 +141,7 @@ def keep(program, places, net, run, of):
         moved = np.sqrt(moved)
         if not moved < FAR:
             break
-        if moved < END or moved * moved < END * (before - moved):
+        if moved < (END if before > 0 else SMALL) or moved * moved < END * (before - moved):
             for i in range(len(of.x)):
                 work[first + i] = of.x[i, 0] + 1j * of.x[i, 1]
             backward(F, work, run.volt)

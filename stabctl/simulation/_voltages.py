@@ -10,15 +10,16 @@ from ._buffers import NOTE
 from ._substitution import backward, forward, middle
 
 TOLERANCE = 1e-7  # pu   voltage error at which the iteration ends
-CLOSE = 1e-9  # pu   the same where Newton's method is prepared
+QUIET = 2e-8  # pu   the same where Newton's method is prepared, and the iteration converges quickly again
+CLOSE = 1e-9  # pu   the same where it does not
 LIMIT = 30  # -    iterations
 FEW = 10  # -    iterations that cost about as much as Newton's method
 SLOW = 15  # -    iterations, of so many solutions
-ROW = 10  # -    in a row, after which Newton's method is prepared
+ROW = 10  # -    in a row, after which Newton's method is prepared, or no longer preferred
 WAIT = 8  # -    solutions by Newton's method before the iteration is tried again; twice as many each time, up to
 MOST = 256
 FOUND, LOST, UNPREPARED = range(3)
-AWAY, FAILED = -1, -2  # of `NOTE.kept`
+NEAR, AWAY, FAILED = range(3)  # of `NOTE.begun`
 
 
 @inline
@@ -42,21 +43,26 @@ def settle(program, places, net, run):
     elif not prepared and run.notes[NOTE.slow] == ROW:
         return UNPREPARED
     else:
-        count = iterate(CLOSE if prepared else TOLERANCE, program, places, net, run)
+        tolerance = CLOSE if run.notes[NOTE.next] > 0 else QUIET if prepared else TOLERANCE
+        count = iterate(tolerance, program, places, net, run)
         run.notes[NOTE.slow] = run.notes[NOTE.slow] + 1 if count > SLOW else 0
         if count == LIMIT or (prepared and count > FEW):
             run.notes[NOTE.wait] = max(run.notes[NOTE.next], WAIT)
-            run.notes[NOTE.next] = min(2 * run.notes[NOTE.wait], MOST)
+            run.notes[NOTE.next], run.notes[NOTE.quick] = min(2 * run.notes[NOTE.wait], MOST), 0
         else:
-            run.notes[NOTE.next] = 0
+            run.notes[NOTE.quick] += 1
+            if run.notes[NOTE.quick] == ROW:
+                run.notes[NOTE.next] = 0
         if count < LIMIT:
+            run.notes[NOTE.begun] = NEAR
             return FOUND
         for b in places.near_bus:
             run.volt[b] = run.solve.before[b]
-        run.notes[NOTE.kept] = FAILED
+        run.notes[NOTE.begun] = FAILED
         if not prepared:
             return UNPREPARED
     call_bound(run.newton)
+    run.notes[NOTE.begun] = NEAR
     return FOUND if run.notes[NOTE.found] else LOST
 
 
@@ -87,6 +93,7 @@ def iterate(tolerance, program, places, net, run):
 def draw(program, places, net, run):
     """Voltage-dependent currents at the present voltages, added to the sources in the iterated rows."""
     F, work = net.factors, run.solve.work
+    run.notes[NOTE.draws] += 1
     for d in places.draw_bus:
         run.current[d] = 0
     perform(program.current, program.w, program.k, run.s, run.f, net.island)

@@ -199,7 +199,7 @@ def start_from_no_load(program, places, net, run):
     perform(program.source, program.w, program.k, run.s, run.f, net.island)
     solve_apart(net.factors, run.current, run.solve.work, run.volt)
     clear_dead_buses(net, run)
-    run.notes[NOTE.kept] = AWAY
+    run.notes[NOTE.begun] = AWAY
 
 
 @inline

@@ -50,6 +50,7 @@ class Par(NamedTuple):
     n6: Annotated[float, "-", "exponent"] = 0.0
     g0: Annotated[float, "-", "g(V0)", FROM_CASE] = 1.0
     h0: Annotated[float, "-", "h(V0)", FROM_CASE] = 1.0
+    curved: Annotated[float, "-", "whether an exponent is not 0, 1 or 2", FROM_CASE] = 1.0
 
 
 class State(NamedTuple):
@@ -69,34 +70,43 @@ def from_record(_kind: str, values: dict[str, Any]) -> tuple[dict[str, Any], lis
 
 def prepare(p):
     """The parameters, with the shapes at V0."""
-    return p._replace(g0=active(np.log(p.V0), p), h0=reactive(np.log(p.V0), p))
+    p = p._replace(curved=float(not {p.n1, p.n2, p.n3, p.n4, p.n5, p.n6} <= {0.0, 1.0, 2.0}))
+    return p._replace(g0=active(p.V0, np.log(p.V0), p), h0=reactive(p.V0, np.log(p.V0), p))
 
 
 @inline
-def term(log_v, a, n):
-    """a V^n."""
-    return a * np.exp(n * log_v) if a != 0 else 0 * log_v
+def term(V, log_V, a, n):
+    """a V^n; common exponents take no logarithm."""
+    if a == 0:
+        return 0 * V
+    if n == 0:
+        return a + 0 * V
+    if n == 1:
+        return a * V
+    if n == 2:
+        return a * V * V
+    return a * np.exp(n * log_V)
 
 
 @inline
-def active(log_v, p):
+def active(V, log_V, p):
     """The shape g(V)."""
-    return term(log_v, p.a1, p.n1) + term(log_v, p.a2, p.n2) + term(log_v, p.a3, p.n3)
+    return term(V, log_V, p.a1, p.n1) + term(V, log_V, p.a2, p.n2) + term(V, log_V, p.a3, p.n3)
 
 
 @inline
-def reactive(log_v, p):
+def reactive(V, log_V, p):
     """The shape h(V)."""
-    return term(log_v, p.a4, p.n4) + term(log_v, p.a5, p.n5) + term(log_v, p.a6, p.n6)
+    return term(V, log_V, p.a4, p.n4) + term(V, log_V, p.a5, p.n5) + term(V, log_V, p.a6, p.n6)
 
 
 @inline
 def current(x, v, p):
     """Current into the network (pu), real and imaginary part."""
     m = at_least(magnitude(v[0], v[1]), p.vlow)
-    log_m = np.log(m)
-    g = p.P0 * active(log_m, p) / p.g0 * (1 + p.a7 * x.df) / (m * m)
-    h = p.Q0 * reactive(log_m, p) / p.h0 * (1 + p.a8 * x.df) / (m * m)
+    log_m = np.log(m) if p.curved else 0 * m
+    g = p.P0 * active(m, log_m, p) * (1 + p.a7 * x.df) / (p.g0 * m * m)
+    h = p.Q0 * reactive(m, log_m, p) * (1 + p.a8 * x.df) / (p.h0 * m * m)
     return -(g * v[0] + h * v[1]), h * v[0] - g * v[1]
 
 
