@@ -17,12 +17,13 @@ from stabctl.clearing.index import INDEX
 from stabctl.clearing.screen import PLACE
 from stabctl.jobs.store import rows
 
-KILLS = 10
+KILLS = 6
 INSECURE = 1
 
 
 def start(folder):
     words = ["study", "ieee39", "--clear", "4cyc", "--remedies", "redispatch", "--json", "--workers", "1"]
+    words += ["--observe", "2", "--longest", "0", "--resolution", "0.25cyc"]
     words += ["--store", "store", "--report", "page", "--out", "all.xlsx"]
     env = os.environ | {"PYTHONPATH": str(Path(stabctl.__file__).parents[1])}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}

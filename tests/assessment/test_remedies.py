@@ -28,6 +28,14 @@ def study(base):
 
 
 @pytest.fixture(scope="module")
+def unpriced(base):
+    """A study without prices, what is told of it while it runs, and the shares that are done."""
+    parts, shares = [], []
+    told = {"each": parts.append, "progress": lambda *one: shares.append(one)}
+    return base.study(**ASKED, remedies="redispatch, storage", **told), parts, shares
+
+
+@pytest.fixture(scope="module")
 def weak():
     """With stabilizers of small gains."""
     case = st.load("two_area")
@@ -134,10 +142,10 @@ def test_stabilizers_are_what_tune_finds(weak, retuned):
     assert "4 stabilizers retuned, gains 3 to" in str(retuned)
 
 
-def test_costs_are_proportional_to_prices(base, study):
+def test_costs_are_proportional_to_prices(base, study, unpriced):
     found = by_kind(study)
     twice = base.study(**ASKED, remedies="all", prices=st.Prices(**{k: 2 * v for k, v in PRICES.items()}))
-    without = by_kind(base.study(**ASKED, remedies="redispatch, storage"))
+    without = by_kind(unpriced[0])
     assert by_kind(twice)["storage"].cost == pytest.approx(2 * found["storage"].cost, rel=1e-3)
     assert by_kind(twice)["redispatch"].cost == pytest.approx(4 * found["redispatch"].cost)  # price and hours
     assert found["redispatch"].cost == pytest.approx(20 * 100 * found["redispatch"].change.mw)
@@ -181,10 +189,8 @@ def test_there_must_be_machines_to_shift_to(base):
         redispatch(base, [LOST.with_clear("5cyc")], search)
 
 
-def test_each_remedy_is_told_when_it_is_found(base):
-    parts, shares = [], []
-    told = {"each": parts.append, "progress": lambda *one: shares.append(one)}
-    whole = base.study(**ASKED, remedies="redispatch, storage", **told)
+def test_each_remedy_is_told_when_it_is_found(unpriced):
+    whole, parts, shares = unpriced
     assert [len(p.remedies) for p in parts][-3:] == [0, 1, 2]
     assert [share for share, _ in shares] == sorted(share for share, _ in shares)
     assert [part for _, part in shares][-2:] == ["redispatch", "storage"]

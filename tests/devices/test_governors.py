@@ -302,11 +302,11 @@ def test_the_valve_of_ggov1_moves_no_faster_than_its_rates():
 
 def test_the_load_limiter_of_ggov1_holds_the_exhaust_and_gives_way():
     """At low speed the exhaust settles at Ldref/Kturb + Wfnl; at high speed the governor takes over within a second."""
-    time, found, par = gas(-0.04, until=85.0, turn=80.0, Ldref=0.8, Rmax=1.0, Rmin=-1.0)
-    late = (time > 78) & (time < 80)
+    time, found, par = gas(-0.04, until=53.0, turn=50.0, Ldref=0.8, Rmax=1.0, Rmin=-1.0)
+    late = (time > 48) & (time < 50)
     assert found["exhaust"][late] == pytest.approx(par.Ldref / par.Kturb + par.Wfnl, abs=2e-3)
     assert found["Pm"][late] == pytest.approx(par.Ldref, abs=2e-2)
-    assert found["Pm"][time > 82][0] < 0.6
+    assert found["Pm"][time > 52][0] < 0.6
 
 
 def test_the_acceleration_limiter_of_ggov1_lowers_the_request():

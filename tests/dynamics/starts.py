@@ -33,7 +33,14 @@ DAMAGE = {
 }
 OF_FILES = *DAMAGE, "exchanged", "gone", "a folder", "a link to nothing"
 OF_ALL = "locked", "written to", "full disk", "no cache", "two at once", "other version"
-HEAVY = 0.1  # how often the file of the stepper, which takes long to compile, may be damaged
+LONG = "stepper", "_newton"  # files that take long to compile
+HEAVY = 0.1  # how often one of them may be damaged
+READS = """
+import sys
+sys.addaudithook(lambda what, of: what == "open" and str(of[0]).endswith(".obj") and print(of[0], file=sys.stderr))
+from stabctl.__main__ import main
+main()
+"""
 TIMEOUT = 600  # s   everything is compiled in it, on a busy machine
 
 
@@ -56,7 +63,10 @@ class Starts:
     def __init__(self, folder, seed):
         self.folder, self.rng = Path(folder), random.Random(seed)
         self.whole = self.folder / "whole"
+        self.start(None).communicate()
+        self.copy_what_is_read()
         self.wanted = self.answer(self.start(self.whole))
+        assert isinstance(self.wanted, dict), self.wanted
         self.other = self.folder / "other"  # a version whose machine of Chapter 2 has other source text
         shutil.copytree(ROOT / "stabctl", self.other / "stabctl", ignore=shutil.ignore_patterns("__pycache__"))
         (source,) = self.other.rglob("devices/**/gencls.py")
@@ -64,9 +74,19 @@ class Starts:
 
     def start(self, cache, package=ROOT, **more):
         """A process that runs the command."""
-        where = os.environ | {"XDG_CACHE_HOME": str(cache), "PYTHONPATH": str(package)} | more.pop("env", {})
-        words = [sys.executable, "-m", "stabctl", *COMMAND]
+        where = os.environ | {"PYTHONPATH": str(package)} | more.pop("env", {})
+        where |= {"XDG_CACHE_HOME": str(cache)} if cache else {}
+        words = [sys.executable, *more.pop("program", ("-m", "stabctl")), *COMMAND]
         return subprocess.Popen(words, env=where, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **more)
+
+    def copy_what_is_read(self):
+        """Copy the files that the command reads of the cache of the user, and make their locks."""
+        _, err = self.start(None, program=("-c", READS)).communicate()
+        for file in map(Path, filter(lambda line: line.endswith(".obj"), err.splitlines())):
+            where = self.whole / file.parent.name
+            where.mkdir(parents=True, exist_ok=True)
+            shutil.copy(file, where)
+            (where / file.name).with_suffix(".lock").touch()
 
     def answer(self, process):
         """The answer without the time that it took; a text if it is not one."""
@@ -88,7 +108,7 @@ class Starts:
         cache = self.folder / f"start{number}"
         shutil.copytree(self.whole, cache)
         files = sorted(file for file in cache.rglob("*.obj"))
-        light = [file for file in files if "stepper" not in file.name] or files
+        light = [file for file in files if not file.name.startswith(LONG)] or files
         chosen = self.rng.sample(files if self.rng.random() < HEAVY else light, self.rng.randint(1, 3))
         kind = self.rng.choice(OF_FILES if self.rng.random() < 0.75 else OF_ALL)
         if kind in OF_FILES:
@@ -155,7 +175,7 @@ class Starts:
         rng = random.Random(self.rng.random())
         while not ended.wait(0.01):
             file = rng.choice(sorted(cache.rglob("*.obj")) or [None])
-            if file is not None and "stepper" not in file.name:
+            if file is not None and not file.name.startswith(LONG):
                 data = file.read_bytes()
                 file.write_bytes(data[: rng.randrange(len(data) + 1)])
                 ended.wait(0.005)

@@ -2,6 +2,9 @@
 
 import ast
 import inspect
+import os
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -73,11 +76,27 @@ def test_complex_step_of_a_device_equals_sympy(name):
 
 
 FAST = "repc_Kpg=0.5 repc_Kig=8 repc_Ddn=0 repc_Dup=0"  # a plant controller of 0.1 s without a deadband of frequency
+BEHIND = "regc", "regc_repc", "regc_b_repc", "regc_c_repc", "regfm_b1"
+OTHERS = [f"{store}_{behind}" for store in ("supercap", "flywheel") for behind in BEHIND]
 
 
-@pytest.mark.parametrize("model", one_of("regc_b_repc", *(m for m in MODELS if m not in ("regc_b_repc", "ideal"))))
+@pytest.mark.parametrize("model", one_of("regc_repc", *(m for m in MODELS if m not in ("regc_repc", "ideal", *OTHERS))))
 def test_complex_step_of_storage_equals_sympy(model):
-    """Every composition of store, converter and plant control, while it injects."""
+    """Every store and every converter with plant control, and every file that connects them, while it injects."""
+    compared_storage(model)
+
+
+@pytest.mark.slow
+def test_complex_step_of_further_storage_equals_sympy():
+    """The other compositions of these stores and converters, as plain Python, which need not be compiled."""
+    script = f"from test_jacobian import *\nfor model in {OTHERS}:\n    compared_storage(model)\nprint(model)"
+    where = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=where)
+    assert done.stdout.split() == OTHERS[-1:], done.stderr
+
+
+def compared_storage(model):
+    """`compared`, of a storage device at bus 2."""
     case = small(KINDS["sexs, pss, steam"])
     row = Storage(1, 2, 40.0, energy=1.0, lag=0.1, efficiency=0.8, storage_model=model)
     behind = model not in STORES

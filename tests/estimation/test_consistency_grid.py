@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from systems import one_of
 
 from stabctl import io
 from stabctl.estimation.estimate import estimate
@@ -81,8 +82,14 @@ def check(name, fault, **options):
     return means, shares
 
 
-@pytest.mark.parametrize("fault", FAULTS["two_area"][:2], ids=lambda f: f"bus {f[0]}")
-@pytest.mark.parametrize("more", [{}, {"missing": (1,)}, {"missing": (1,), "clock": 26e-6}], ids=str)
+AT_7, AT_1, _ = FAULTS["two_area"]
+BLIND, OFF = {"missing": (1,)}, {"missing": (1,), "clock": 26e-6}
+SLOWER = pytest.param(OFF, AT_7, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize(
+    ("more", "fault"), [({}, AT_7), ({}, AT_1), (BLIND, AT_7), (BLIND, AT_1), (OFF, AT_1), SLOWER], ids=str
+)
 def test_faults_at_a_bus_whose_machine_may_have_no_pmu(fault, more):
     means, shares = check("two_area", fault, **more)
     blind = fault[0] == "1" and bool(more)  # machine 1 is not observable in the fault, and not usable for 2 s
@@ -91,7 +98,7 @@ def test_faults_at_a_bus_whose_machine_may_have_no_pmu(fault, more):
     assert not blind or shares[1, 0] < 0.5
 
 
-@pytest.mark.parametrize("kind", ["10/s", "loss 0.3", "M class"])
+@pytest.mark.parametrize("kind", ["10/s", *one_of("M class", "loss 0.3")])
 def test_low_rates_losses_and_filters(kind):
     _, shares = check("two_area", FAULTS["two_area"][0], **PMUS[kind])
     assert np.all(shares[0] > 0.9)

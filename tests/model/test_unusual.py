@@ -5,6 +5,7 @@ import random
 from collections import Counter, defaultdict
 from dataclasses import replace
 from itertools import pairwise
+from math import ceil, floor
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from systems import POLES, ROUND, SEXS, TWO_AXES, TYPE_J, small
 
 import stabctl as st
 from stabctl._util.schema import fields
+from stabctl.clearing import Search, Trial
 from stabctl.io import packaged
 from stabctl.model import naming, tables, unusual
 
@@ -210,20 +212,40 @@ def contingencies(case):
     }[len(case.buses)]
 
 
-def clearing_times(case):
-    """Clearing times (cycles); None if the case does not start, which nobody overlooks."""
-    try:
-        point = case.with_loads("impedance").initialize()
-    except st.StabctlError:
-        return None
-    found = []
+SEARCH = Search(resolution_cycles=0.25, observed_s=3.0)
+
+
+def searched(case):
+    """A few faults of a case whose loads are impedances, with the operating point."""
+    point = case.with_loads("impedance").initialize()
     for fault, trip in contingencies(case):
         a, b = map(int, trip.split("-"))
         circuit = naming.circuits(case.branches)[naming.circuit_rows(case, naming.Circuit(a, b, None, None))[0]]
-        one = st.Contingency(fault, clear="1cyc", trip=circuit)
-        time = point.clearing_time(one, resolution="0.25cyc", observe="3s", longest="3s", scan=0)
-        found.append({"found": time.cycles, "unstable_at_zero": 0.0}.get(time.status, 60.0))
-    return found
+        yield point, st.Contingency(fault, clear="1cyc", trip=circuit)
+
+
+def clearing_times(case):
+    """Clearing times (cycles)."""
+    options = {"resolution": "0.25cyc", "observe": "3s", "longest": "3s", "scan": 0}
+    found = [point.clearing_time(one, **options) for point, one in searched(case)]
+    return [{"found": time.cycles, "unstable_at_zero": 0.0}.get(time.status, 60.0) for time in found]
+
+
+def elsewhere(case, before):
+    """Is a clearing time more than a tenth from what it was? False if the case does not start, which all notice.
+
+    It is not if the shortest fault of the grid within that tenth is survived, and the first one beyond it is not.
+    """
+    try:
+        for (point, one), cycles in zip(searched(case), before, strict=True):
+            trial, (low, high) = Trial(point, one, None, SEARCH), (round(4 * x * cycles, 6) for x in (0.9, 1.1))
+            if low > 0 and not trial.simulate(ceil(low)).outcome.stable:
+                return True
+            if high < 240 and trial.simulate(floor(high) + 1).outcome.stable:
+                return True
+    except st.StabctlError:
+        pass
+    return False
 
 
 @pytest.mark.slow
@@ -236,10 +258,6 @@ def test_nine_of_ten_faults_that_change_a_clearing_time_are_named():
     )
     every = {name: candidates(case) for name, case in known.items()}
     before = {name: clearing_times(case) for name, case in known.items()}
-
-    def matters(name, case):
-        after = clearing_times(case)
-        return after is not None and any(abs(b - a) > 0.1 * a for a, b in zip(before[name], after, strict=True))
 
     named, silent, exact = [], [], 0
     while len(named) + len(silent) < FAULTS:
@@ -254,11 +272,11 @@ def test_nine_of_ten_faults_that_change_a_clearing_time_are_named():
         (named if found else silent).append((name, case))
         exact += any(f.object.endswith(path.split(".")[1].split("#")[0]) for f in found)
     sample = rng.sample(named, NAMED)
-    told = len(named) * sum(matters(*one) for one in sample) / NAMED
-    missed = sum(matters(*one) for one in silent)
+    told = len(named) * sum(elsewhere(case, before[name]) for name, case in sample) / NAMED
+    missed = sum(elsewhere(case, before[name]) for name, case in silent)
     assert len(named) > 0.88 * FAULTS  # 273
     assert exact > 0.6 * len(named)  # 174; the others are named by what they do to the power flow
-    assert told / (told + missed) >= SHARE  # 89 of 93
+    assert told / (told + missed) >= SHARE  # 73 of 78
 
 
 @pytest.mark.parametrize(("path", "value", "quantity"), [("genrou.1.H", 1500, "H"), ("genrou.1.x1d", 30, "x1d")])
