@@ -50,10 +50,9 @@ def test_washouts_of_deviations_of_all_machines_do_not_make_the_matrix_singular(
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["two_area", "wscc9", "ieee39"])
 def test_deviations_of_all_machines_with_any_gain_and_delay(bases, name):
-    """In ieee39, whose loops take longer, every other delay with one gain and the others with the next."""
-    base, every = bases(name), 2 if name == "ieee39" else 1
-    for k, gain in enumerate(GAINS):
-        for delay in DELAYS[k % every :: every]:
+    base = bases(name)
+    for gain in GAINS:
+        for delay in DELAYS:
             modes = base.closed_loop(*proportional(base, gain, delay)).modes()
             assert modes.certified, (gain, delay, modes.counted, len(modes))
 
@@ -104,7 +103,7 @@ def test_random_loops(bases):
     rng = np.random.default_rng(2024)
     known = {name: bases(name) for name in ("wscc9", "two_area")}
     checked = 0
-    for trial in range(200):
+    for trial in range(500):
         base = known["two_area" if trial % 8 == 0 else "wscc9"]
         make = (proportional, washouts)[rng.integers(2)]
         kind = ("deviation", "speed")[rng.integers(2)]
@@ -115,7 +114,7 @@ def test_random_loops(bases):
         s = s[(s.imag >= 0) & (s != 0) & (np.exp(-s.real * delay) < HIDDEN)]
         assert (turns(modes.linear.opened, s) >= 1).all(), (trial, base.case.name, make, kind, gain, delay)
         checked += len(s)
-    assert checked > 2000
+    assert checked > 5000
 
 
 def turns(loop, s):
