@@ -34,7 +34,7 @@ def main() -> None:
             simulation = Simulation(setup(point), fault, record=False)
             least = min(least, cpu(lambda simulation=simulation: simulation.advance(10.0)))
         made = simulation.finish()
-        stages, draws = 4 * made.steps, simulation.notes[NOTE.draws]
+        stages, draws = 4 * made.steps, simulation._run.notes[NOTE.draws]
         table.add_row(
             name, str(made.steps), f"{1e3 * least:.3g}", f"{made.newton_stages} of {stages}", f"{draws / stages:.2f}"
         )
