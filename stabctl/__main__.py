@@ -1,13 +1,14 @@
 """The program: `stabctl`, or `python -m stabctl`."""
 
+import atexit
 import os
 import signal
 import sys
-import threading
 from types import FrameType
+from typing import Any
 
 INTERRUPTED = 130  # exit code; what a shell reports for a program ended by Ctrl-C
-LATER = 0.002  # s   after which Ctrl-C in an import is tried again
+LATER = 0.002  # s   after which Ctrl-C is tried again
 
 
 def main() -> None:
@@ -20,42 +21,60 @@ def main() -> None:
     try:
         if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
             signal.signal(signal.SIGINT, _interrupted)
+            sys.unraisablehook = _ignored
         from .cli import main as run
 
         run()
-        if _pending():
-            raise KeyboardInterrupt
     except KeyboardInterrupt:
         os.write(2, b"stabctl: interrupted.\n")
-        sys.exit(INTERRUPTED)
+        _end()
     except SystemExit as end:
-        if end.code == INTERRUPTED and any(not one.daemon for one in threading.enumerate()[1:]):
-            os._exit(INTERRUPTED)  # jobs under way in threads, which Python would wait for
+        if end.code == INTERRUPTED:
+            _end()
         raise
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is ending
-        _pending()
+        _at_rest()
 
 
-def _pending() -> bool:
-    """Whether a Ctrl-C in an import is still to be tried again; it no longer is."""
-    if not hasattr(signal, "setitimer"):
-        return False
-    left, _ = signal.setitimer(signal.ITIMER_REAL, 0)
-    if left:
-        signal.signal(signal.SIGALRM, signal.SIG_IGN)
-    return left > 0
+def _at_rest() -> None:
+    """Ctrl-C changes nothing any more: the program is ending."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, 0)
+
+
+def _end() -> None:
+    """End an interrupted program without its threads, for which Python would wait, and half-made objects of LLVM."""
+    _at_rest()
+    atexit._run_exitfuncs()
+    os._exit(INTERRUPTED)
 
 
 def _interrupted(_: int, frame: FrameType | None) -> None:
-    """Ctrl-C; in an import, where it may be lost or leave a part of a library behind, once that is complete."""
+    """Ctrl-C; where it may be lost or leave a part of a library behind, a little later: in imports and destructors."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        return  # the program is ending
     while frame is not None:
-        if frame.f_code.co_filename.startswith("<frozen importlib") and hasattr(signal, "setitimer"):
-            signal.signal(signal.SIGALRM, _interrupted)
-            signal.setitimer(signal.ITIMER_REAL, LATER)
+        of = frame.f_code
+        if (of.co_name == "__del__" or of.co_filename.startswith("<frozen importlib")) and _again():
             return
         frame = frame.f_back
     raise KeyboardInterrupt
+
+
+def _ignored(error: Any) -> None:
+    """An error that Python cannot raise where it occurs, as in a callback; Ctrl-C is tried again."""
+    if not issubclass(error.exc_type, KeyboardInterrupt) or not _again():
+        sys.__unraisablehook__(error)
+
+
+def _again() -> bool:
+    """Try Ctrl-C again soon, if the system can."""
+    if not hasattr(signal, "setitimer"):
+        return False
+    signal.signal(signal.SIGALRM, _interrupted)
+    signal.setitimer(signal.ITIMER_REAL, LATER)
+    return True
 
 
 if __name__ == "__main__":

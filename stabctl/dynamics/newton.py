@@ -28,7 +28,7 @@ ROUNDOFF = 1e-15  # the same relative to the largest derivative of its equation,
 STALLED = 1e-14  # of the sum of the terms of an equation: residual that is rounding, if no step reduces it any more
 FAR = 1e9  # value of an opened limit
 STEPS = 30
-EQUAL = 0.999  # of the largest: the first one counts, whatever rounding says
+EQUAL = 0.999  # of the largest, from which a size is told apart by rounding only
 
 
 class Newton:
@@ -166,7 +166,7 @@ class Newton:
                 inner = np.linalg.solve(J[:, n:m, n:m], J[:, n:m, :n])
                 A = J[:, :n, :n] - J[:, :n, n:m] @ inner
                 size = np.abs(np.linalg.eigvals(A)).max(axis=1)
-                k = int((size >= EQUAL * size.max()).argmax())
+                k = leading(size)
                 if size[k] * EQUAL > largest:
                     stiff = A[k], columns[these][k, :n]
                 largest = max(largest, float(size.max()))
@@ -238,7 +238,12 @@ def _main(A: np.ndarray, states: np.ndarray) -> int:
     values, right = np.linalg.eig(A)
     k = int(np.abs(values).argmax())
     share = np.abs(np.linalg.pinv(right)[k] * right[:, k])
-    return int(states[(share >= EQUAL * share.max()).argmax()])
+    return int(states[leading(share)])
+
+
+def leading(sizes: np.ndarray) -> int:
+    """Place of the largest; of those that rounding alone tells apart, the first."""
+    return int((sizes >= EQUAL * sizes.max()).argmax())
 
 
 class Alike(NamedTuple):

@@ -20,6 +20,7 @@ from stabctl._util.tabular import Tabular
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted, listed
 from stabctl.dynamics.assembly import INFINITE
+from stabctl.dynamics.newton import leading
 from stabctl.dynamics.operating_point import OperatingPoint, loops
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, chosen
 
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 
 
 SWING = 1 / 3  # least participation of angles and speeds in a swing mode: n - 1 in every packaged case of n machines
-EQUAL = 0.999  # of the largest participation: the first such state is the dominant one, whatever rounding says
 ROUNDOFF = 1e-6  # deg
 NAMED = 0.2  # participation, relative to the largest, from which a machine is named
 TOGETHER = 0.7  # |sum H s| / sum H |s| above which the machines move together
@@ -401,7 +401,7 @@ def leader(linear: Linear, share: np.ndarray, speeds: np.ndarray, oscillates: bo
     rotor = np.r_[linear.speeds(), linear.angles()]
     if oscillates and share[rotor].sum() > SWING and _together(speeds[:, None], linear.point)[0] >= TOGETHER:
         return "common frequency: all machines together"
-    return converter_loop(linear, share) or linear.states[int((share >= EQUAL * share.max()).argmax())]
+    return converter_loop(linear, share) or linear.states[leading(share)]
 
 
 def converter_loop(linear: Linear, share: np.ndarray) -> str | None:

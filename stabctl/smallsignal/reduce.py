@@ -199,26 +199,27 @@ def _block(modes: Modes, chosen: np.ndarray) -> Matrices:
     near = np.abs(upper[:, None] - upper) < NEAR * np.maximum(1, np.abs(s))
     member = connected_components(near, directed=False)[1]
     condition = (np.linalg.norm(modes.left, axis=0) * np.linalg.norm(modes.right, axis=0))[chosen]
-    vague = np.unique(member[condition > CERTAIN])
-    clear = chosen[~np.isin(member, vague)]
-    T, L = ([_real_basis(modes, clear)[0]], [_left_basis(modes, clear)]) if len(clear) else ([], [])
-    for group in (chosen[member == g] for g in vague):
-        right, left = (_invariant(M, modes, group) for M in (linear.A, linear.A.T))
+    vague = np.isin(member, member[condition > CERTAIN])
+    T, L = [], []
+    if not vague.all():
+        T, L = [_real_basis(modes, chosen[~vague])[0]], [_left_basis(modes, chosen[~vague])]
+    if vague.any():
+        right, left = (_invariant(M, modes, chosen[vague]) for M in (linear.A, linear.A.T))
         T.append(right)
         L.append(np.linalg.solve(left.T @ right, left.T))
     basis, dual = np.hstack(T), np.vstack(L)
     return dual @ linear.A @ basis, dual @ linear.B, linear.C @ basis
 
 
-def _invariant(A: np.ndarray, modes: Modes, group: np.ndarray) -> np.ndarray:
-    """Orthonormal basis of the space of a group of the modes of A."""
-    s, inside = modes.eigenvalues, np.isin(np.arange(len(modes)), group)
+def _invariant(A: np.ndarray, modes: Modes, some: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of the space of some modes of A."""
+    s, inside = modes.eigenvalues, np.isin(np.arange(len(modes)), some)
     Z, found = sl.schur(A, sort=lambda re, im: inside[np.abs(s - (re + 1j * im)).argmin()])[1:]
-    if found != len(group):
+    if found != len(some):
         raise StudyError(
-            f"{modes.linear.name} cannot be reduced: rounding decides how many modes are near {s[group[0]]:.4g} 1/s."
+            f"{modes.linear.name} cannot be reduced: rounding decides how many modes are near {s[some[0]]:.4g} 1/s."
         )
-    return Z[:, : len(group)]
+    return Z[:, : len(some)]
 
 
 def _factor(X: np.ndarray) -> np.ndarray:

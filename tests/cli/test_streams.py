@@ -95,6 +95,38 @@ def test_ctrl_c_in_a_callback_of_an_import_is_not_lost():
     assert (run.returncode, run.stdout, run.stderr) == (130, "", "stabctl: interrupted.\n")
 
 
+DROPPED = """
+import os, signal, sys, weakref
+def sent(*_):
+    os.kill(os.getpid(), signal.SIGINT)
+    for _ in range(1000):
+        pass
+class Ends:
+    def __del__(self):
+        sent()
+def load(*given, **named):
+    io.load = plain
+    one = Ends() if {destructor} else type("One", (), {{}})()
+    held = weakref.ref(one, None if {destructor} else sent)
+    del one
+    return plain(*given, **named)
+signal.signal(signal.SIGINT, signal.default_int_handler)
+import stabctl.io as io
+plain, io.load = io.load, load
+from stabctl.__main__ import main
+sys.argv = ["stabctl", "powerflow", "two_area"]
+main()
+"""
+
+
+@pytest.mark.parametrize("destructor", [True, False])
+def test_ctrl_c_where_python_drops_errors_is_not_lost(destructor):
+    """Such as in a destructor of llvmlite while equations are compiled: once in a hundred interruptions."""
+    script = DROPPED.format(destructor=destructor)
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert (run.returncode, run.stdout, run.stderr) == (130, "", "stabctl: interrupted.\n")
+
+
 def test_ctrl_c_that_an_import_turned_into_another_error(stabctl, monkeypatch):
     def wrapped(*_, **__):
         try:

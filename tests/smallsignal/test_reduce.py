@@ -1,5 +1,7 @@
 """Reduced models keep labels, the modes of interest, and the transfer function where it matters."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.linalg as sl
@@ -7,6 +9,8 @@ from mixed import second
 
 from stabctl._util.errors import StudyError
 from stabctl.smallsignal import analyze, balanced, linearize, modal
+from stabctl.smallsignal.eigen import eigen
+from stabctl.smallsignal.modes import Modes
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +67,31 @@ def test_repeated_eigenvalues_leave_the_bound(order):
     assert small.hankel[0] < highest  # 0.16 of it
     worst = max(np.linalg.norm(_response(small, s) - _response(full.linear, s), 2) for s in at)
     assert worst < 2 * small.hankel[order - 1 :].sum()  # 0.24 to 0.53 of it
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_eigenvalues_that_repeat_in_any_way(whole, seed):
+    """Several groups, some of them in Jordan blocks, real and complex, beside others; singular values by SciPy."""
+    rng = np.random.default_rng(seed)
+    n, blocks = len(whole.linear.states), []
+    while sum(map(len, blocks)) < n:
+        one = np.array([[-rng.uniform(0.5, 50.0)]])
+        if rng.random() < 0.5:
+            w = rng.uniform(0.5, 20.0)
+            one = np.array([[one[0, 0] / 10, w], [-w, one[0, 0] / 10]])
+        times, chained = rng.integers(1, 4), rng.random() < 0.3
+        blocks.append(np.kron(np.eye(times), one) + chained * np.kron(np.eye(times, k=1), np.eye(len(one))))
+    A = sl.block_diag(*blocks)[:n, :n]
+    turn, B, C = sl.qr(rng.normal(size=(n, n)))[0], rng.normal(size=(n, 3)), rng.normal(size=(2, n))
+    names = {"inputs": ("a", "b", "c"), "outputs": ("d", "e")}
+    linear = replace(whole.linear, A=turn @ A @ turn.T, B=turn @ B, C=C @ turn.T, D=np.zeros((2, 3)), **names)
+    small = balanced(Modes(linear, *eigen(linear.A, np.zeros((n, 0)))), 10)
+    reach, seen = (sl.solve_continuous_lyapunov(M, -K @ K.T) for M, K in ((A, B), (A.T, C.T)))
+    found = np.sqrt(np.sort(np.linalg.eigvals(reach @ seen).real)[::-1][:10])
+    assert np.abs(small.hankel[:10] / found - 1).max() < 1e-9  # 4e-12
+    at = 2j * np.pi * np.geomspace(1e-3, 30, 60)
+    worst = max(np.linalg.norm(_response(small, s) - _response(linear, s), 2) for s in at)
+    assert worst < 2 * small.hankel[10:].sum()
 
 
 def test_hankel_singular_values_are_those_of_scipys_gramians(whole):
