@@ -27,27 +27,15 @@ def main() -> None:
         run()
     except KeyboardInterrupt:
         os.write(2, b"stabctl: interrupted.\n")
-        _end()
     except SystemExit as end:
-        if end.code == INTERRUPTED:
-            _end()
-        raise
-    finally:
-        _at_rest()
-
-
-def _at_rest() -> None:
-    """Ctrl-C changes nothing any more: the program is ending."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if hasattr(signal, "setitimer"):
-        signal.setitimer(signal.ITIMER_REAL, 0)
-
-
-def _end() -> None:
-    """End an interrupted program without its threads, for which Python would wait, and half-made objects of LLVM."""
-    _at_rest()
+        if end.code != INTERRUPTED:
+            raise
+    finally:  # it is ending, and Ctrl-C changes nothing any more
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        if hasattr(signal, "setitimer"):
+            signal.setitimer(signal.ITIMER_REAL, 0)
     atexit._run_exitfuncs()
-    os._exit(INTERRUPTED)
+    os._exit(INTERRUPTED)  # without waiting for threads, or touching what a compiler has left half-made
 
 
 def _interrupted(_: int, frame: FrameType | None) -> None:
@@ -70,11 +58,10 @@ def _ignored(error: Any) -> None:
 
 def _again() -> bool:
     """Try Ctrl-C again soon, if the system can."""
-    if not hasattr(signal, "setitimer"):
-        return False
-    signal.signal(signal.SIGALRM, _interrupted)
-    signal.setitimer(signal.ITIMER_REAL, LATER)
-    return True
+    if possible := hasattr(signal, "setitimer"):
+        signal.signal(signal.SIGALRM, _interrupted)
+        signal.setitimer(signal.ITIMER_REAL, LATER)
+    return possible
 
 
 if __name__ == "__main__":

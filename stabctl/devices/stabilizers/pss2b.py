@@ -91,19 +91,6 @@ class State(NamedTuple):
     lag3: Annotated[float, "pu", "lagged signal of the third lead-lag"]
 
 
-class Inner(NamedTuple):
-    """Signals between the blocks."""
-
-    s1: float
-    w1: float
-    w2: float
-    s2: float
-    w3: float
-    w4: float
-    ramp: float  # input of the ramp-tracking filter
-    direct: float  # input 2, subtracted after it
-
-
 @inline
 def tracked(k, p, u, x):
     """Lag k of the ramp-tracking filter, with the lead where one of its N stages begins: u -> y, state x."""

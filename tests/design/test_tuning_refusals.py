@@ -1,0 +1,73 @@
+"""What cannot be tuned, or not as wanted, is said in a sentence."""
+
+import islands
+import pytest
+
+from stabctl._util.errors import StudyError
+from stabctl.design import damper, stabilizers, tune, values
+from stabctl.design.tuning.networks import networks
+from stabctl.design.tuning.parts import Parts
+
+
+def test_a_damping_that_no_controller_can_reach_is_said_before_the_search(cases):
+    """Two systems side by side, of which one has no controller; more than its own damping cannot be asked for."""
+    both = islands.joined(cases("two_area_thyristor"), cases("two_area"))
+    modes = cases("two_area").modes()
+    own = float(modes.damping_ratio[modes.frequency_hz > 0.1].min())
+    tell = []
+    options = {"outages": "none", "levels": (1.0,), "gains": (), "progress": lambda text, share: tell.append(text)}
+    with pytest.raises(StudyError, match="cannot be reached: no controller moves the mode"):
+        tune(both, stabilizers([1, 2, 3, 4]), damping=own + 0.01, **options)
+    assert tell == ["networks"]
+    parts = Parts.of(networks(both, [stabilizers([1])], "none", (1.0,), ())[0], [stabilizers([1])])
+    assert parts.movable(own - 0.01)[1] == []
+
+
+def test_a_network_that_nothing_stabilizes_is_named(cases):
+    """Opened lines leave an unstable part of which the only damper sees nothing: a sentence, or the network's name."""
+    point = cases("two_area_thyristor").initialize(storage="3@11=50MW")
+    blind = damper("voltage:7", "order:3@11", gain=1e-3, fast=1e-3)
+    found = tune(point, blind, outages="none", levels=(1.0,), gains=(), starts=1)
+    assert found.damping < 0
+    assert "Nothing was found that stabilizes every network" in str(found)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda c: tune(c, []), "There is no parameter to tune"),
+        (lambda c: tune(c, values("pss.K")), "pss"),
+        (lambda c: tune(c, values("sexs.KX")), "KX"),
+        (lambda c: tune(c, 3), "cannot be tuned"),
+        (lambda c: tune(c, stabilizers(gain=10, fast=1e-6)), "the gain at high frequencies is at least"),
+        (lambda c: tune(c, stabilizers([9])), "no machine 9"),
+        (lambda c: tune(c, starts=0), "starts = 0"),
+        (lambda c: tune(c, levels=()), "no load level"),
+        (lambda c: tune(c, outages="some"), "outages = 'some'"),
+        (lambda c: tune(c, sensitivity=0.5), "sensitivity = 0.5"),
+        (lambda c: tune(c, damping=1.5), "damping = 1.5"),
+        (lambda c: tune(c, reserve=1.0), "reserve = 1"),
+        (lambda c: tune(c, reserve=0.5), "needs the noise of a signal"),
+        (
+            lambda c: tune(c, stabilizers(noise=1.0, lead=(0.4, 1), lag=(0.02, 0.05)), reserve=0.5),
+            "even with the smallest gains within the bounds",
+        ),
+        (lambda c: tune(c, damper("speed:1", "vs:1", noise=1e-4), reserve=0.5), "needs limits of its output"),
+        (lambda c: tune(c, damper("speed:1", "vs:1", noise=-1)), "noise = -1"),
+        (lambda c: tune(c, gains=(0,)), "a factor in gains = 0"),
+        (lambda c: stabilizers(model="esst1a"), "model = 'esst1a'"),
+        (lambda c: stabilizers(model="pss", stages=3), "2 stages, not 3"),
+        (lambda c: stabilizers(lead=(1, 0.1)), "lead = (1, 0.1)"),
+        (lambda c: stabilizers(gain=0), "gain = 0"),
+        (lambda c: damper("", "vs:1"), "input = ''"),
+        (lambda c: damper("speed:1", "vs:1", limits="a lot"), "limits = 'a lot'"),
+        (lambda c: damper("speed:1", "vs:1", delay=-1), "delay = -1"),
+        (lambda c: values("pss"), "'pss'"),
+        (lambda c: values("pss.K", within=(2, 3)), "leaves out the value"),
+    ],
+)
+def test_what_cannot_be_tuned_is_said_in_a_sentence(cases, call, message):
+    with pytest.raises(StudyError) as error:
+        call(cases("two_area_thyristor"))
+    assert message in str(error.value)
+    assert str(error.value).endswith(".")
