@@ -75,6 +75,8 @@ class Study(Tabular):
         The power flow.
     modes : Modes or None
         The modes: all, or those of 0.1 to 3 Hz of a large system.
+    no_modes : str
+        Why there are none, if the system cannot be linearized.
     ratios : ShortCircuitRatio or None
         Short-circuit ratios; None also without converters.
     screen : Screen or None
@@ -103,6 +105,7 @@ class Study(Tabular):
     flow: PowerFlow
     how: "Settings"
     modes: Modes | None = None
+    no_modes: str = ""
     ratios: ShortCircuitRatio | None = None
     screen: Screen | None = None
     ranking: tuple[Severity, ...] = ()
@@ -209,17 +212,18 @@ class Study(Tabular):
     @property
     def complete(self) -> bool:
         """Whether every part is done, and every contingency screened."""
-        return self.modes is not None and self.screen is not None and len(self.screen.pairs) == self.screen.screened
+        known = self.modes is not None or bool(self.no_modes)
+        return known and self.screen is not None and len(self.screen.pairs) == self.screen.screened
 
     @property
     def secure(self) -> bool:
-        """Whether every contingency is survived, the worst keep the criteria, and oscillations are damped as wanted.
+        """Whether every contingency is survived, the worst keep the criteria, and modes are known and damped as wanted.
 
         Raises `StudyError` while a part is missing.
         """
         if not self.complete:
             raise StudyError(f"The study of {self.point.case.name} is not complete, so it has no verdict yet.")
-        return not (self.insecure or self.poorly_damped) and all(one.kept for one in self.judged)
+        return not (self.insecure or self.poorly_damped or self.no_modes) and all(one.kept for one in self.judged)
 
     @property
     def df(self) -> "pd.DataFrame":
@@ -323,6 +327,8 @@ class Study(Tabular):
                     f"All oscillations of {BAND[0]:g} to {BAND[1]:g} Hz have a damping ratio of at least "
                     f"{wanted.damping:g}; the least damped: {_named(self.modes, worst[0])}."
                 )
+        if self.no_modes:
+            said.append(f"Oscillations are not judged, so the system does not count as secure: {self.no_modes}")
         if self.judged:
             wrong = sum(not one.kept for one in self.judged)
             told = next((str(v) for one in self.judged for v in (*one.violations, one.unstable) if v), "")

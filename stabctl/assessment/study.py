@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stabctl._util.errors import StudyError
+from stabctl._util.errors import LinearizationError, StudyError
 from stabctl._util.units import cycles, quantity
 from stabctl.clearing import ClearingTime, Screen, Severity, screen
 from stabctl.clearing.screen_result import Lines
@@ -114,7 +114,8 @@ def study(
     Raises
     ------
     StudyError
-        If an argument is not possible, or the power flow, the initialization or a part has no result.
+        If an argument is not possible, or the power flow, the initialization or a part other than the modes has no
+        result.
 
     Examples
     --------
@@ -126,12 +127,14 @@ def study(
     case = point.case
     ranges = None if monitored is None else monitored_by(monitored, case, subsystems)
     wanted = Wanted(cycles(clear, case.frequency_hz), quantity(damping, "-"), voltages, ranges)
-    if not (wanted.cycles > 0 and 0 <= wanted.damping < 1 and voltages[0] < voltages[1] and worst >= 0):
-        raise StudyError(
-            f"A clearing time of {wanted.cycles:g} cycles, a damping ratio of {wanted.damping:g}, voltages of "
-            f"{voltages[0]:g} to {voltages[1]:g} pu and {worst} runs cannot be studied; the first must be above 0, the "
-            "second from 0 to 1, and the third a range."
-        )
+    for possible, what in (
+        (wanted.cycles > 0, f"clear = {wanted.cycles:g} cycles is not possible; give a time above 0"),
+        (0 <= wanted.damping < 1, f"damping = {wanted.damping:g} is no damping ratio; give one from 0 to 1"),
+        (voltages[0] < voltages[1], f"voltages = {voltages} is no range; give the lower one first"),
+        (worst >= 0, f"worst = {worst} runs are not possible; give at least 0"),
+    ):
+        if not possible:
+            raise StudyError(f"{what}.")
     if prices is not None and not kinds(remedies):
         raise StudyError("Prices are those of remedies; leave out remedies, or the prices.")
     asked, costs, rules = kinds(remedies), priced(prices), None if criteria is None else named(criteria)
@@ -173,7 +176,11 @@ class _Work(NamedTuple):
         point, case, how = now.point, now.point.case, now.how
         yield now
         tell(0.0, "modes")
-        yield (now := replace(now, modes=modes(point, BAND)))
+        try:
+            now = replace(now, modes=modes(point, BAND))
+        except LinearizationError as error:
+            now = replace(now, no_modes=str(error))
+        yield now
         if installed(case):
             yield (now := replace(now, ratios=short_circuit_ratio(case)))
         partly = Partly(now, each) if each else None

@@ -10,6 +10,7 @@ the machines without report,
 All of it is linear in the reports, and so are the errors: the share of each report in V_m and I_m is kept.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -60,9 +61,8 @@ class NetworkModel:
     def __init__(self, point: OperatingPoint) -> None:
         self._point, self._bus = point, point.system.unit_bus
         self._source = source_admittances(point.system)
-        self._inverses: dict[Switching, np.ndarray] = {}
-        self._each: dict[tuple[Switching, bytes], tuple[np.ndarray, np.ndarray]] = {}
-        self._maps: dict[tuple[Switching, bytes], tuple[np.ndarray, np.ndarray] | None] = {}
+        self._rows, self._inverse = lru_cache(MOST)(self._admittances), lru_cache(MOST)(self._inverted)
+        self._each, self._map = lru_cache(MOST)(self._lines), lru_cache(MOST)(self._solved)
         fed = [point.net.place[s.bus] for s in point.case.storage]
         loads = [f for f in point.system.families if f.device.role == "load"]
         fed += [row for f in loads for row in (f.w[:, family.BUS] - point.layout.nx) // 2]
@@ -71,12 +71,10 @@ class NetworkModel:
 
     def other_currents(self, V: np.ndarray, I: np.ndarray, switching: Switching) -> np.ndarray:
         """True currents (others), pu, into the network at true voltages (buses) and machine currents (machines)."""
-        Y = self._point.admittance(switching)
-        off = list(switching.tripped)
-        current, source = Y @ V, I + self._source * V[self._bus]
-        source[off] = 0
-        np.add.at(current, self._bus, -source)
-        return current[self.others]
+        source, current = I + self._source * V[self._bus], np.zeros(len(V), complex)
+        source[list(switching.tripped)] = 0
+        np.add.at(current, self._bus, source)
+        return self._rows(switching) @ V - current[self.others]
 
     def computed(
         self, V: np.ndarray, I: np.ndarray, others: np.ndarray, *, switching: Switching, known: np.ndarray
@@ -96,7 +94,7 @@ class NetworkModel:
         known : (machines,) array of bool
             Machines with a report.
         """
-        found = self._map(switching, known)
+        found = self._map(switching, known.tobytes())
         if found is None:
             return None
         reports = np.concatenate([V, I, others])
@@ -110,36 +108,28 @@ class NetworkModel:
 
         The columns are those of `computed`: voltages and currents of all machines, and the other currents.
         """
-        key = switching, known.tobytes()
-        if key not in self._each:
-            if len(self._each) >= MOST:
-                self._each.clear()
-            rows, lines = [], []
-            for row in np.flatnonzero(known):
-                rest = known.copy()
-                rest[row] = False
-                found = self._map(switching, rest)
-                if found is None or row in switching.tripped:
-                    continue
-                line = np.zeros(2 * len(known) + len(self.others), complex)
-                used = np.concatenate([rest, rest, np.ones(len(self.others), bool)])
-                line[used] = found[0][np.flatnonzero(~rest) == row][0]
-                if np.linalg.norm(line[: 2 * len(known)]) < AMPLIFIED:
-                    rows.append(int(row))
-                    lines.append(line)
-            self._each[key] = np.array(rows, int), np.array(lines).reshape(len(rows), 2 * len(known) + len(self.others))
-        return self._each[key]
+        return self._each(switching, known.tobytes())
 
-    def _map(self, switching: Switching, known: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """V and I of the unknown machines as matrices over the reports."""
-        key = switching, known.tobytes()
-        if key not in self._maps:
-            if len(self._maps) >= MOST:
-                self._maps.clear()
-            self._maps[key] = self._solved(switching, known)
-        return self._maps[key]
+    def _lines(self, switching: Switching, mask: bytes) -> tuple[np.ndarray, np.ndarray]:
+        known = np.frombuffer(mask, bool)
+        rows, lines = [], []
+        for row in np.flatnonzero(known):
+            rest = known.copy()
+            rest[row] = False
+            found = self._map(switching, rest.tobytes())
+            if found is None or row in switching.tripped:
+                continue
+            line = np.zeros(2 * len(known) + len(self.others), complex)
+            used = np.concatenate([rest, rest, np.ones(len(self.others), bool)])
+            line[used] = found[0][np.flatnonzero(~rest) == row][0]
+            if np.linalg.norm(line[: 2 * len(known)]) < AMPLIFIED:
+                rows.append(int(row))
+                lines.append(line)
+        return np.array(rows, int), np.array(lines).reshape(len(rows), 2 * len(known) + len(self.others))
 
-    def _solved(self, switching: Switching, known: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    def _solved(self, switching: Switching, mask: bytes) -> tuple[np.ndarray, np.ndarray] | None:
+        """V and I of the machines that are not known as matrices over the reports."""
+        known = np.frombuffer(mask, bool)
         n, running = len(known), np.array([i not in switching.tripped for i in range(len(known))])
         p, m = np.flatnonzero(known), np.flatnonzero(~known & running)
         if len(p) < len(m):
@@ -161,13 +151,14 @@ class NetworkModel:
         V[undetermined], I[undetermined] = np.nan, np.nan
         return V, I
 
-    def _inverse(self, switching: Switching) -> np.ndarray:
+    def _admittances(self, switching: Switching) -> sp.csr_matrix:
+        """The rows of the others."""
+        return self._point.admittance(switching).tocsr()[self.others]
+
+    def _inverted(self, switching: Switching) -> np.ndarray:
         """Z: voltages of the machines per current of the machines and of the others."""
-        if switching not in self._inverses:
-            if len(self._inverses) >= MOST:
-                self._inverses.clear()
-            at = np.r_[self._bus, self.others]
-            Y = self._point.admittance(switching)
-            ones = sp.csc_matrix((np.ones(len(at)), (at, np.arange(len(at)))), shape=(Y.shape[0], len(at)))
-            self._inverses[switching] = sla.splu(Y.tocsc()).solve(ones.toarray().astype(complex))[self._bus]
-        return self._inverses[switching]
+        at = np.r_[self._bus, self.others]
+        Y = self._point.admittance(switching)
+        ones = sp.csc_matrix((np.ones(len(at)), (at, np.arange(len(at)))), shape=(Y.shape[0], len(at)))
+        found: np.ndarray = sla.splu(Y.tocsc()).solve(ones.toarray().astype(complex))[self._bus]
+        return found

@@ -6,6 +6,7 @@ the record.
 """
 
 import re
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -59,15 +60,21 @@ class Line(NamedTuple):
 
 
 def lines(path: Path) -> list[str]:
-    """The lines of a file; bytes that are not UTF-8 are shown as a replacement character. Raises `CaseError`."""
+    """The lines of a file in UTF-8, or UTF-16 if it says so; other bytes become a replacement character.
+
+    Raises `CaseError`.
+    """
     try:
         if not path.is_file():
             raise CaseError(f"{path}: {'it is no file' if path.exists() else 'there is no such file'}.")
         if path.stat().st_size > LARGEST_FILE:
             raise CaseError(f"{path}: the file has more than {LARGEST_FILE / 1e6:g} MB, the largest that is read.")
-        text = path.read_bytes().decode("utf-8-sig", errors="replace")
+        data = path.read_bytes()
     except (OSError, ValueError) as error:
         raise CaseError(f"{path}: it cannot be read ({getattr(error, 'strerror', None) or error}).") from None
+    text = data.decode("utf-16" if data[:2] in (BOM_UTF16_LE, BOM_UTF16_BE) else "utf-8-sig", errors="replace")
+    if not text.strip():
+        raise CaseError(f"{path}: the file is empty.")
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 

@@ -138,11 +138,6 @@ def _critical_time(one: Simulated, shared: Shared, target: float) -> Found:
     return _found(found.runs[count].stable, found.machine, len(found.runs), cycles=cycles)
 
 
-def _energies(ran: Trajectory) -> np.ndarray:
-    """The range of the energy of every device, MWh."""
-    return np.ptp(ran.arrays.energy, axis=0)
-
-
 def _currents(ran: Trajectory) -> np.ndarray:
     """The largest current of every device (pu on its MVA), and the lowest voltage of its bus with it (pu)."""
     current, point = ran.arrays.storage_current, ran.point
@@ -161,7 +156,7 @@ class Values(NamedTuple):
 VALUES: dict[What, Values] = {
     "outcome": Values(lambda ran: ran.peak, False),
     "peak": Values(_peaks, "rotors"),
-    "energy": Values(_energies, True),
+    "energy": Values(lambda ran: np.ptp(ran.arrays.energy, axis=0), True),  # MWh
     "currents": Values(_currents, True),
 }
 

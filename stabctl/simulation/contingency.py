@@ -1,5 +1,6 @@
 """A contingency: a fault, its clearing, and other events."""
 
+import cmath
 import math
 from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass, replace
@@ -85,10 +86,9 @@ class Contingency:
         fault = str(self.fault) if isinstance(self.fault, int) and not isinstance(self.fault, bool) else self.fault
         if fault is not None and not isinstance(fault, Place):
             raise StudyError(f"{fault!r} is not a fault location; write 83 for a bus, 7-8 or 7-8@0.4 for a line.")
-        if isinstance(self.impedance, bool) or not isinstance(self.impedance, Complex):
-            raise StudyError(
-                f"The fault impedance {self.impedance!r} is not a number; give it in pu, such as 0.01+0.05j."
-            )
+        Z = self.impedance
+        if isinstance(Z, bool) or not isinstance(Z, Complex) or not cmath.isfinite(Z):
+            raise StudyError(f"The fault impedance {Z!r} is not a finite number; give it in pu, such as 0.01+0.05j.")
         for name, time in (("clear", self.clear), ("at", self.at)):
             if not (name == "clear" and time is None) and seconds(time, 60.0) < 0:
                 raise StudyError(f"{name} = {time:g} s is negative; give a time of at least 0.")

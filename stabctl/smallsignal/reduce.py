@@ -128,8 +128,8 @@ def balanced(modes: Modes, order: int) -> Reduced:
     n, kept = len(linear.states), len(loose)
     if not kept < order <= n:
         raise StudyError(
-            f"{linear.name} cannot be reduced to {counted(order, 'state')}: of its {n} states, {kept} unstable or zero "
-            f"modes must be kept; choose an order from {kept + 1} to {n}."
+            f"{linear.name} cannot be reduced to {counted(order, 'state')}: of its {n} states, "
+            f"{counted(kept, 'unstable or zero mode')} must be kept; choose an order from {kept + 1} to {n}."
         )
     A, B, C = _block(modes, np.setdiff1d(np.arange(n), loose))
     P, Q = (_factor(sl.solve_continuous_lyapunov(*pair)) for pair in ((A, -B @ B.T), (A.T, -C.T @ C)))

@@ -142,10 +142,38 @@ def test_faults_that_cannot_be_are_told(base, given, said):
         base.screen(**given, **QUICK)
 
 
-@pytest.mark.parametrize("given", [{"clear": 0}, {"damping": 1.5}, {"voltages": (1.1, 0.9)}, {"worst": -1}])
-def test_what_cannot_be_wanted_is_told(base, given):
-    with pytest.raises(StudyError, match="cannot be studied"):
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"clear": 0}, "clear = 0 cycles is not possible"),
+        ({"damping": 1.5}, "damping = 1.5 is no damping ratio"),
+        ({"voltages": (1.1, 0.9)}, r"voltages = \(1.1, 0.9\) is no range"),
+        ({"worst": -1}, "worst = -1 runs are not possible"),
+    ],
+)
+def test_what_cannot_be_wanted_is_told(base, given, said):
+    with pytest.raises(StudyError, match=said):
         base.study(**{"clear": "6cyc"} | given)
+
+
+def test_a_system_that_cannot_be_linearized_is_studied_all_the_same(base, stabctl, tmp_path):
+    """Every other part is that of the single study, and why there are no modes is said."""
+    case = base.case.set({"pss.2.Vmax": 0.0})
+    found = case.study("6cyc", worst=1, faults="lines", **QUICK)
+    assert found.modes is None
+    assert found.complete
+    assert not found.insecure
+    assert not found.secure
+    assert found.screen.rows() == case.screen(faults="lines", **QUICK).rows()
+    assert "Oscillations are not judged" in str(found)
+    assert "exactly at its limit Vmax = 0 pu" in str(found)
+    assert "still computed" not in found.report(tmp_path).read_text("utf-8")
+    words = "--faults", "lines", "--worst", 1, "--limit", "20cyc", "--resolution", "0.5cyc"
+    code, out, err = stabctl("study", "two_area", "--set", "pss.2.Vmax=0", *words)
+    assert (code, err) == (1, "")
+    assert "Oscillations are not judged" in " ".join(out.split())
+    lost = case.study("12cyc", worst=0, faults="lines", remedies="redispatch", **QUICK)
+    assert "It is not enough. Oscillations are not judged." in str(lost)
 
 
 def test_an_interrupted_study_goes_on(base, study, tmp_path):

@@ -59,6 +59,8 @@ def test_a_network_that_nothing_stabilizes_is_named(cases):
         (lambda c: stabilizers(model="pss", stages=3), "2 stages, not 3"),
         (lambda c: stabilizers(lead=(1, 0.1)), "lead = (1, 0.1)"),
         (lambda c: stabilizers(gain=0), "gain = 0"),
+        (lambda c: stabilizers(fast=-1), "fast = -1 is not allowed; give a number above 0"),
+        (lambda c: damper("speed:1", "vs:1", fast=float("nan")), "fast = nan"),
         (lambda c: damper("", "vs:1"), "input = ''"),
         (lambda c: damper("speed:1", "vs:1", limits="a lot"), "limits = 'a lot'"),
         (lambda c: damper("speed:1", "vs:1", delay=-1), "delay = -1"),

@@ -52,6 +52,21 @@ def test_a_case_without_dynamic_data_has_a_power_flow_only():
         case.initialize()
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le with its mark"])
+def test_files_in_the_encodings_of_windows_are_read(tmp_path, encoding):
+    (tmp_path / "ThreeBusMulti.raw").write_bytes(
+        ("\ufeff" * encoding.endswith("mark") + THREE.read_text()).encode(encoding.partition(" ")[0])
+    )
+    assert psse.read_psse(tmp_path / "ThreeBusMulti.raw") == psse.read_psse(THREE)
+
+
+@pytest.mark.parametrize("text", ["", "\n \n"])
+def test_an_empty_file_is_told(tmp_path, text):
+    (tmp_path / "x.raw").write_text(text)
+    with pytest.raises(CaseError, match=r"x\.raw: the file is empty"):
+        psse.read_psse(tmp_path / "x.raw")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [

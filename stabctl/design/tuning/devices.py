@@ -137,6 +137,13 @@ def checked_gain(name: str, given: Any) -> float:
     return float(given)
 
 
+def checked_fast(given: Any) -> float:
+    """A largest gain at high frequencies."""
+    if isinstance(given, bool) or not isinstance(given, int | float) or not given > 0:
+        raise StudyError(f"fast = {shown(given)} is not allowed; give a number above 0.")
+    return float(given)
+
+
 def checked_noise(given: Any) -> float:
     """A standard deviation."""
     if isinstance(given, bool) or not isinstance(given, int | float) or not 0 <= given < np.inf:
@@ -287,7 +294,7 @@ def stabilizers(
         raise StudyError(f"{devices.every()[model].name} has {MODELS[model].stages} stages, not {stages}.")
     numbers = tuple(machines) if isinstance(machines, Iterable) and not isinstance(machines, str) else machines
     shape = Stages(stages, washout, lead, lag)
-    fast = abs(checked_gain("fast", fast))
+    fast = checked_fast(fast)
     low_high, filter_s = checked_limits("stabilizers", limits), duration("noise_filter", noise_filter)
     if model is not None and filter_s:
         raise StudyError(f"{devices.every()[model].name} has its own filters; leave out noise_filter.")
@@ -429,7 +436,7 @@ def _single(input: str, output: str, chain: Chain, fast: float, delay: Any, limi
     delays = tuple(duration("delay", one) for one in several)
     if not delays:
         raise StudyError("delay names no time; give one or several.")
-    fast = abs(checked_gain("fast", fast)) if np.isfinite(fast) else fast
+    fast = checked_fast(fast)
     for name, value in (("input", input), ("output", output)):
         if not isinstance(value, str) or not value.strip():
             raise StudyError(f"{name} = {shown(value)} does not name a signal; give one, such as 'deviation:1'.")

@@ -11,7 +11,6 @@ from typing import NamedTuple
 from stabctl._util.errors import StudyError
 from stabctl._util.wording import near
 from stabctl.model.case import Case
-from stabctl.model.tables import Bus
 
 from .statements import Statement, Word, bus, number, read
 
@@ -135,7 +134,7 @@ class Subsystems:
         high = rest[0] if rest else low
         if low > high:
             raise statement.error(f"the range {low:g} to {high:g} is empty; give the lower value first.")
-        return {b.bus for b in self.case.buses if low - 1e-6 <= _value(b, column) <= high + 1e-6}
+        return {b.bus for b in self.case.buses if low - 1e-6 <= getattr(b, column) <= high + 1e-6}
 
 
 def named(statement: Statement, word: Word, subsystems: Subsystems | None) -> frozenset[int]:
@@ -147,7 +146,3 @@ def named(statement: Statement, word: Word, subsystems: Subsystems | None) -> fr
 
 def _is_value(word: Word, column: str) -> bool:
     return word.text[:1].isdigit() or word.text[:1] in "+-." or (column == "bus" and word.quoted)
-
-
-def _value(row: Bus, column: str) -> float:
-    return float(getattr(row, column))

@@ -118,7 +118,8 @@ def _modes(found: Evidence) -> list[Part]:
 
 def _loops(found: Evidence) -> list[Part]:
     """The gain of every loop."""
-    rows = [(x.name, number(x.distance, 3), _degrees(x.phase_margin)) for x in found.loops]
+    margins = ["" if np.isinf(x.phase_margin) else number(x.phase_margin, 1) for x in found.loops]
+    rows = [(x.name, number(x.distance, 3), margin) for x, margin in zip(found.loops, margins, strict=True)]
     return [
         figure(
             figures.bode(found),
@@ -239,7 +240,3 @@ def _check(c: Check) -> tuple[str, ...]:
     lost = "" if c.after.machine is None else str(c.after.machine)
     own = (cycles(c.replaced.cycles),) if c.replaced else ()
     return c.label, cycles(c.before.cycles), *own, cycles(c.after.cycles), lost
-
-
-def _degrees(value: float) -> str:
-    return "" if np.isinf(value) else number(value, 1)

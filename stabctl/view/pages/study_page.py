@@ -37,7 +37,9 @@ def page(study: Study) -> Page:
     """Return the page of a study, as far as it is done."""
     case = study.point.case
     verdict = (study.secure and "secure") or "not secure" if study.complete else "in progress"
-    still = ["contingencies" if study.modes else "modes and contingencies"] if not study.complete else []
+    still = (
+        ["contingencies" if study.modes or study.no_modes else "modes and contingencies"] if not study.complete else []
+    )
     still += ["remedies"] if len(study.remedies) < len(study.how.remedies) else []
     open_parts = [f"This page is not complete: {one} are still computed; load it again later." for one in still]
     return Page(
