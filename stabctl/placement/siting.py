@@ -345,15 +345,14 @@ def reservations(siting: Siting) -> tuple[str, ...]:
     """What the fleet does not survive, what the solver missed, and which smaller fleets are sufficient."""
     said = [*(f"Not survived: {one}" for one in siting.infeasible), *_solver(siting)]
     for row in siting.evidence:
-        if row.refined:
+        if row.refined or row.control:
+            what = REFINED if row.refined else f"the control '{row.control}'"
             fleet = "this fleet" if row.scale == 1 else f"this fleet, enlarged to {row.scale:.4g} times its MW,"
             fleet = fleet if siting.sites else "the system without storage"
             lost = _lost(siting, row)
-            said.append(
-                f"With {REFINED}, {fleet} does not survive {lost}; use a longer observation window."
-                if lost
-                else f"With {REFINED}, {fleet} survives every contingency."
-            )
+            longer = "; use a longer observation window" if row.refined else ""
+            found = f"does not survive {lost}{longer}" if lost else "survives every contingency"
+            said.append(f"With {what}, {fleet} {found}.")
     said += _other_sizes(siting)
     also = "survives every contingency too, so a smaller fleet is possible"
     said += [f"The fleet {row.fleet} {also}." for row in siting.smaller]

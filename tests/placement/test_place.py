@@ -270,6 +270,16 @@ def test_what_is_refused(case, options, words):
         study(case, NEAR_9, **options)
 
 
+@pytest.mark.parametrize(("survived", "says"), [(True, "survives every contingency."), (False, "does not survive")])
+def test_what_the_fleet_does_under_another_controller_is_said(both, survived, says):
+    row = next(row for row in both.evidence if row.refined)
+    row = row._replace(refined=False, scale=1.0, control="mine", stable=(survived, True))
+    found = replace(both, evidence=(row,))
+    (said,) = [one for one in found.remarks() if "mine" in one]
+    assert said.startswith(f"With the control 'mine', this fleet {says}")
+    assert "window" not in said
+
+
 @pytest.mark.slow
 def test_estimates_in_the_loop(case):
     """The evidence has the margins with a Kalman filter too."""
@@ -278,6 +288,8 @@ def test_estimates_in_the_loop(case):
     rows = {row.fleet: row for row in found.evidence}
     assert rows["kalman"].mw == rows["x1"].mw
     assert abs(rows["kalman"].critical_cycles[0] - rows["x1"].critical_cycles[0]) <= 0.25  # 4.625 of 4.75
+    said = [one for one in found.remarks() if "With the control 'kalman', this fleet" in one]
+    assert [("does not survive" in one) for one in said] == [row.lost > 0 for row in found.evidence if row.control]
 
 
 def test_json(stabctl, tmp_path):
