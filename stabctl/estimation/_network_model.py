@@ -111,6 +111,7 @@ class NetworkModel:
         return self._each(switching, known.tobytes())
 
     def _lines(self, switching: Switching, mask: bytes) -> tuple[np.ndarray, np.ndarray]:
+        """The same, of a mask as bytes."""
         known = np.frombuffer(mask, bool)
         rows, lines = [], []
         for row in np.flatnonzero(known):

@@ -167,7 +167,9 @@ def test_a_system_that_cannot_be_linearized_is_studied_all_the_same(base, stabct
     assert found.screen.rows() == case.screen(faults="lines", **QUICK).rows()
     assert "Oscillations are not judged" in str(found)
     assert "exactly at its limit Vmax = 0 pu" in str(found)
-    assert "still computed" not in found.report(tmp_path).read_text("utf-8")
+    page = found.report(tmp_path).read_text("utf-8")
+    assert "undecided" in page
+    assert "still computed" not in page
     words = "--faults", "lines", "--worst", 1, "--limit", "20cyc", "--resolution", "0.5cyc"
     code, out, err = stabctl("study", "two_area", "--set", "pss.2.Vmax=0", *words)
     assert (code, err) == (1, "")
