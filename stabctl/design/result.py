@@ -194,6 +194,8 @@ class Design:
         return tuple(c.save(where) for c, where in zip(self.controllers, named, strict=True))
 
     def __str__(self) -> str:
+        if not self.controllers:  # parameters of the case alone, of which the remarks tell
+            return "\n".join(self.remarks)
         several = f" at {len(self.before)} operating points" if len(self.before) > 1 else ""
         text = f"{counted(len(self.controllers), 'controller')}: smallest damping ratio of {SLOW:g} to {FAST:g} Hz"
         found = f"{self.worst_before:.4f} without, {self.worst_after:.4f} with{several}"
@@ -201,10 +203,8 @@ class Design:
             return "\n".join([f"{text}: {found}.", *self.remarks])
         modes = min(self.after, key=lambda m: least(m)[0])
         ratio, k = least(modes)
-        where = f"{ratio:.4f} at {modes.frequency_hz[k]:.3f} Hz ({modes.label(k)})"
-        missing = f", short by up to {self.short:.4f}" if self.short else ""
-        said = f"{text}: {found}; the required damping is not reached: {where}{missing}."
-        return "\n".join([said, *self.remarks])
+        where = f"{ratio:.4f} at {modes.frequency_hz[k]:.3f} Hz ({modes.label(k)}), short by up to {self.short:.4f}"
+        return "\n".join([f"{text}: {found}; the required damping is not reached: {where}.", *self.remarks])
 
     __repr__ = __str__
 

@@ -373,6 +373,7 @@ def test_parameters_of_the_case_are_tuned(cases):
     assert worst[1] == pytest.approx(found.damping, abs=1e-6)
     assert worst[1] > worst[0] + 0.02
     assert not found.controllers
+    assert str(found).startswith("Worst of all networks")
 
 
 def test_equal_stages_have_exact_delayed_modes_and_margins(cases):

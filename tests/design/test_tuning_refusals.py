@@ -2,6 +2,7 @@
 
 import islands
 import pytest
+from systems import kind, small
 
 from stabctl._util.errors import StudyError
 from stabctl.design import damper, stabilizers, tune, values
@@ -30,6 +31,15 @@ def test_a_network_that_nothing_stabilizes_is_named(cases):
     found = tune(point, blind, outages="none", levels=(1.0,), gains=(), starts=1)
     assert found.damping < 0
     assert "Nothing was found that stabilizes every network" in str(found)
+
+
+def test_a_machine_alone_has_no_ring_down_to_compare(recwarn):
+    """The unit behind a converter has no speed, and there is nothing from which the other one may deviate."""
+    with kind("reec_b, currents") as models:
+        found = tune(small(models), values("reec_b.Kqv"), outages="none", levels=(1.0,), gains=(), starts=1)
+    assert not found.ring_down.linear.any()
+    assert found.ring_down.difference == 0
+    assert not [one for one in recwarn if issubclass(one.category, RuntimeWarning)]
 
 
 @pytest.mark.parametrize(

@@ -49,8 +49,8 @@ class RingDown:
 
     @property
     def difference(self) -> float:
-        """Largest difference of the two, of the largest value."""
-        return float(np.abs(self.simulated - self.linear).max() / np.abs(self.linear).max())
+        """Largest difference of the two, of the largest value; 0 where no speed deviates in the linear model."""
+        return float(np.abs(self.simulated - self.linear).max() / (np.abs(self.linear).max() or np.inf))
 
 
 @dataclass(frozen=True)
