@@ -374,6 +374,8 @@ def test_parameters_of_the_case_are_tuned(cases):
     assert worst[1] > worst[0] + 0.02
     assert not found.controllers
     assert str(found).startswith("Worst of all networks")
+    assert "not reached" not in str(found)
+    assert "The required damping is not reached, short by up to 0.01" in str(replace(found, short=0.01))
 
 
 def test_equal_stages_have_exact_delayed_modes_and_margins(cases):
