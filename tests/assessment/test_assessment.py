@@ -12,6 +12,7 @@ import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.assessment import study as study_function
 from stabctl.clearing import Severity
+from stabctl.judgment import criteria
 from stabctl.view.pages import study_page
 
 study_module = sys.modules[study_function.__module__]
@@ -170,6 +171,10 @@ def test_a_system_that_cannot_be_linearized_is_studied_all_the_same(base, stabct
     page = found.report(tmp_path).read_text("utf-8")
     assert "undecided" in page
     assert "still computed" not in page
+    strict = tmp_path / "strict.toml"
+    strict.write_text('title = "Strict"\n[[voltage]]\nname = "dip"\nof = "nominal"\nbelow = 0.99\nlongest = "1ms"\n')
+    missed = replace(found, how=found.how._replace(criteria=criteria(strict)))
+    assert study_page.page(missed).numbers[0][0] == "not secure"
     words = "--faults", "lines", "--worst", 1, "--limit", "20cyc", "--resolution", "0.5cyc"
     code, out, err = stabctl("study", "two_area", "--set", "pss.2.Vmax=0", *words)
     assert (code, err) == (1, "")

@@ -36,10 +36,10 @@ ASKED = 5  # modes whose damping is traced to the controls
 def page(study: Study) -> Page:
     """Return the page of a study, as far as it is done."""
     case = study.point.case
-    otherwise = "undecided" if study.no_modes and not study.insecure else "not secure"
-    verdict = (study.secure and "secure") or otherwise if study.complete else "in progress"
-    modes = "" if study.modes or study.no_modes else "modes and "
-    still = [] if study.complete else [f"{modes}contingencies"]
+    otherwise = study.no_modes and not study.insecure and all(one.kept for one in study.judged) and "undecided"
+    verdict = (study.secure and "secure") or otherwise or "not secure" if study.complete else "in progress"
+    without = "" if study.modes or study.no_modes else "modes and "
+    still = [] if study.complete else [f"{without}contingencies"]
     still += ["remedies"] if len(study.remedies) < len(study.how.remedies) else []
     open_parts = [f"This page is not complete: {one} are still computed; load it again later." for one in still]
     return Page(
