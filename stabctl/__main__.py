@@ -35,7 +35,7 @@ def main() -> None:
         if hasattr(signal, "setitimer"):
             signal.setitimer(signal.ITIMER_REAL, 0)
     atexit._run_exitfuncs()
-    os._exit(INTERRUPTED)  # without waiting for threads, or touching what a compiler has left half-made
+    os._exit(INTERRUPTED)  # without waiting for threads, or freeing what a compiler left unfinished
 
 
 def _interrupted(_: int, frame: FrameType | None) -> None:

@@ -79,9 +79,9 @@ def remedy(kind: str, asked: Asked) -> Remedy:
     change, after = best
     if why:
         why = f"For what is lost then, too, nothing was found: {why}"
-    unsolved = "Oscillations are not judged." if after.no_modes else ""
-    unsolved = f"Nothing was found for {listed(change.unsolved)}." if change.unsolved else unsolved
-    return Remedy(kind, before, state(after), change, asked.prices, why or unsolved)
+    unsolved = f"Nothing was found for {listed(change.unsolved)}." if change.unsolved else ""
+    unjudged = "Oscillations are not judged." if after.no_modes else ""
+    return Remedy(kind, before, state(after), change, asked.prices, why or unsolved or unjudged)
 
 
 def state(study: Study) -> State:

@@ -28,7 +28,7 @@ ROUNDOFF = 1e-15  # the same relative to the largest derivative of its equation,
 STALLED = 1e-14  # of the sum of the terms of an equation: residual that is rounding, if no step reduces it any more
 FAR = 1e9  # value of an opened limit
 STEPS = 30
-EQUAL = 0.999  # of the largest, from which a size is told apart by rounding only
+EQUAL = 0.999  # of the largest, from which on sizes are equal but for rounding
 
 
 class Newton:
@@ -242,7 +242,7 @@ def _main(A: np.ndarray, states: np.ndarray) -> int:
 
 
 def leading(sizes: np.ndarray) -> int:
-    """Place of the largest; of those that rounding alone tells apart, the first."""
+    """Place of the largest; the first of those that are equal but for rounding."""
     return int((sizes >= EQUAL * sizes.max()).argmax())
 
 

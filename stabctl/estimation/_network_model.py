@@ -111,7 +111,7 @@ class NetworkModel:
         return self._each(switching, known.tobytes())
 
     def _lines(self, switching: Switching, mask: bytes) -> tuple[np.ndarray, np.ndarray]:
-        """The same, of a mask as bytes."""
+        """`each_from_the_rest`, of a mask as bytes."""
         known = np.frombuffer(mask, bool)
         rows, lines = [], []
         for row in np.flatnonzero(known):
@@ -153,7 +153,7 @@ class NetworkModel:
         return V, I
 
     def _admittances(self, switching: Switching) -> sp.csr_matrix:
-        """The rows of the others."""
+        """Rows of the network admittance, pu, at the buses of the other currents."""
         return self._point.admittance(switching).tocsr()[self.others]
 
     def _inverted(self, switching: Switching) -> np.ndarray:

@@ -217,7 +217,7 @@ def _invariant(A: np.ndarray, modes: Modes, some: np.ndarray) -> np.ndarray:
     Z, found = sl.schur(A, sort=lambda re, im: inside[np.abs(s - (re + 1j * im)).argmin()])[1:]
     if found != len(some):
         raise StudyError(
-            f"{modes.linear.name} cannot be reduced: rounding decides how many modes are near {s[some[0]]:.4g} 1/s."
+            f"{modes.linear.name} cannot be reduced: rounding decides which modes repeat, as at {s[some[0]]:.4g} 1/s."
         )
     return Z[:, : len(some)]
 

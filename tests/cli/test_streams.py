@@ -121,7 +121,7 @@ main()
 
 @pytest.mark.parametrize("destructor", [True, False])
 def test_ctrl_c_where_python_drops_errors_is_not_lost(destructor):
-    """Such as in a destructor of llvmlite while equations are compiled: once in a hundred interruptions."""
+    """Such as in a destructor of llvmlite while equations are compiled: one of some two hundred interruptions."""
     script = DROPPED.format(destructor=destructor)
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert (run.returncode, run.stdout, run.stderr) == (130, "", "stabctl: interrupted.\n")
