@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from stabctl.estimation.estimates import Estimates
     from stabctl.estimation.estimator_control import EstimatorControl
     from stabctl.estimation.pmu import BadPmu, Pmu
+    from stabctl.estimation.rotor_units import ProcessNoise
     from stabctl.io import load, write
     from stabctl.io import packaged as cases
     from stabctl.io.contingencies import read_contingencies
@@ -92,6 +93,7 @@ _WHERE = {
     "OperatingPoint": "dynamics.operating_point:OperatingPoint",
     "Pmu": "estimation.pmu:Pmu",
     "PowerFlow": "model.powerflow:PowerFlow",
+    "ProcessNoise": "estimation.rotor_units:ProcessNoise",
     "Prices": "assessment.prices:Prices",
     "Remedy": "assessment.remedy:Remedy",
     "Screen": "clearing:Screen",

@@ -8,6 +8,7 @@ import atexit
 import ctypes
 import json
 import os
+import platform
 import shutil
 import stat
 import tempfile
@@ -24,9 +25,12 @@ from .words import Loaded
 
 PACKAGED = Path(__file__).parent.parent / "_machine_code"
 BUILD = os.environ.get("STABCTL_BUILD")  # folder of a level of the package that is being made
-LEVELS = {  # features that Linux tells of a processor, the best level first
-    "x86-64-v3": "abm avx2 bmi1 bmi2 f16c fma movbe xsave",
-    "x86-64-v2": "cx16 lahf_lm pni popcnt sse4_1 sse4_2 ssse3",
+LEVELS = {  # of a machine, the best first, with the features that Linux must tell of its processor
+    "x86_64": {
+        "x86-64-v3": "abm avx2 bmi1 bmi2 f16c fma movbe xsave",
+        "x86-64-v2": "cx16 lahf_lm pni popcnt sse4_1 sse4_2 ssse3",
+    },
+    "aarch64": {"generic": ""},  # ARMv8.0, which all of them run
 }
 
 
@@ -57,7 +61,8 @@ def symbol(stem: str, kinds: str) -> str:
 @cache
 def level() -> str:
     """The best packaged level that this processor runs; "" if there is none, or another one is asked for."""
-    packaged = [name for name in LEVELS if (PACKAGED / f"{name}.json").is_file()]
+    levels = LEVELS.get(platform.machine(), {})
+    packaged = [name for name in levels if (PACKAGED / f"{name}.json").is_file()]
     if not packaged or BUILD or "NUMBA_CPU_NAME" in os.environ:
         return ""
     try:
@@ -66,7 +71,7 @@ def level() -> str:
     except OSError:
         return ""
     has = set(next((line for line in first.splitlines() if line.startswith("flags")), "").split())
-    return next((name for name in packaged if has >= set(LEVELS[name].split())), "")
+    return next((name for name in packaged if has >= set(levels[name].split())), "")
 
 
 @cache

@@ -26,7 +26,7 @@ from stabctl.simulation.control import Control
 from .prices import Prices
 from .redispatch import redispatch
 from .remedy import Change, Remedy, State
-from .result import BAND, Margin, Study, critical
+from .result import Margin, Study
 
 KINDS = "stabilizers", "storage", "redispatch"
 ROUNDS = 3  # searches of one remedy, at most
@@ -86,10 +86,10 @@ def remedy(kind: str, asked: Asked) -> Remedy:
 
 def state(study: Study) -> State:
     """What a study says of its system."""
-    modes = study.modes
-    ratios = [float(modes.damping_ratio[k]) for k in modes.within(*BAND)] if modes else []
+    worst = study.oscillations[:1]
+    damping = float(study.modes.damping_ratio[worst[0]]) if study.modes and worst else None
     margin = min((m.cycles for m in study.margins), default=None)
-    numbers = len(study.margins), len(study.insecure), margin, min(ratios, default=None), len(study.low_or_high)
+    numbers = len(study.margins), len(study.insecure), margin, damping, len(study.low_or_high)
     return State(study.secure, *numbers)
 
 
@@ -115,7 +115,7 @@ def _required(m: Margin, wanted: Sequence[Contingency]) -> Contingency:
     If that is already wanted, stability is not monotone, and a shorter fault is lost: the shortest one found.
     """
     found, search = m.found, m.found.search
-    least = critical(found) - m.cycles
+    least = found.reach_cycles - m.cycles
     point = math.ceil(least / search.resolution_cycles - 1e-6) * search.resolution_cycles
     one = found.contingency.with_clear(f"{point!r}cyc")
     if one in wanted and found.lowest_unstable:

@@ -38,7 +38,7 @@ SHEET = ".xlsx"
 
 
 class Wanted(NamedTuple):
-    """What a system must fulfil."""
+    """What a system must fulfil: voltages are reported, the others judged."""
 
     cycles: float  # clearing time that protection guarantees
     damping: float  # damping ratio of every oscillation in `BAND`
@@ -118,11 +118,8 @@ class Study(Tabular):
     @cached_property
     def margins(self) -> tuple[Margin, ...]:
         """The contingencies, the smallest margin first."""
-        found = (
-            [Margin(p, critical(p) - (need := self._required(p)), need) for p in self.screen.pairs]
-            if self.screen
-            else []
-        )
+        pairs = self.screen.pairs if self.screen else ()
+        found = [Margin(p, p.reach_cycles - (need := self._required(p)), need) for p in pairs]
         return tuple(sorted(found, key=lambda m: m.cycles))
 
     def _required(self, found: ClearingTime) -> float:
@@ -163,16 +160,18 @@ class Study(Tabular):
         return [(one, max(event.at for event in one.timed(case)) + observed) for one in every]
 
     @property
+    def oscillations(self) -> tuple[int, ...]:
+        """The oscillatory modes of `BAND`, the least damped first."""
+        found = self.modes
+        return tuple(sorted(found.within(*BAND), key=found.damping_ratio.__getitem__)) if found else ()
+
+    @property
     def poorly_damped(self) -> tuple[int, ...]:
-        """Modes of `BAND` with less than the wanted damping ratio, the least damped first."""
-        if self.modes is None:
-            return ()
-        ratio = self.modes.damping_ratio
-        inside = [k for k in self.modes.within(*BAND) if ratio[k] < self.wanted.damping]
-        return tuple(sorted(inside, key=ratio.__getitem__))
+        """Those of them with less than the wanted damping ratio."""
+        return tuple(k for k in self.oscillations if self.modes.damping_ratio[k] < self.wanted.damping)  # type: ignore[union-attr]
 
     def contributions(self, k: int) -> Contributions | None:
-        """What the controls contribute to a mode; None of an eigenvalue that coincides with another one.
+        """What the controls contribute to a mode; None for one that coincides with another, or without modes.
 
         Parameters
         ----------
@@ -219,7 +218,7 @@ class Study(Tabular):
     def secure(self) -> bool:
         """Whether every contingency is survived, the worst keep the criteria, and modes are known and damped as wanted.
 
-        Raises `StudyError` while a part is missing.
+        Voltages in normal operation do not count. Raises `StudyError` while a part is missing.
         """
         if not self.complete:
             raise StudyError(f"The study of {self.point.case.name} is not complete, so it has no verdict yet.")
@@ -232,7 +231,7 @@ class Study(Tabular):
 
         rows = [
             (m.found.contingency.name or "", m.found.fault, ", ".join(m.found.trip), m.required)
-            + (critical(m.found), m.cycles, m.found.limit)
+            + (m.found.reach_cycles, m.cycles, m.found.limit)
             for m in self.margins
         ]
         names = "name", "fault", "trip", "required_cycles", "critical_cycles", "margin_cycles", "limited_by"
@@ -303,7 +302,7 @@ class Study(Tabular):
             own = ", or their own" * any(m.required != wanted.cycles for m in self.margins)
             if lost:
                 first, be = lost[0].found, "is" if len(lost) == 1 else "are"
-                when = f"critical after {_cycles(critical(first))}"
+                when = f"critical after {_cycles(first.reach_cycles)}"
                 when = "lost even if cleared at once" if first.status == "unstable_at_zero" else when
                 said.append(
                     f"{case}: {len(lost)} of {number} {be} not survived with a clearing time of "
@@ -313,19 +312,19 @@ class Study(Tabular):
             else:
                 margin = min((m.cycles for m in self.margins), default=None)
                 least = f"; the smallest margin is {_cycles(margin)}" if margin is not None else ""
-                said.append(f"{case}: all of {number} are survived with {_cycles(wanted.cycles)}{own}{least}.")
+                time = f"a clearing time of {_cycles(wanted.cycles)}{own}"
+                said.append(f"{case}: {number} survived with {time}, none lost{least}.")
         if self.modes is not None:
-            worst = self.modes.least_damped()
             if few := self.poorly_damped:
                 said.append(
                     f"{counted(len(few), 'oscillation')} of {BAND[0]:g} to {BAND[1]:g} Hz with a damping ratio below "
                     f"{wanted.damping:g}; the least damped: {_named(self.modes, few[0])}"
                     f"{_undamped(self.contributions(few[0]))}."
                 )
-            elif worst:
+            elif self.oscillations:
                 said.append(
                     f"All oscillations of {BAND[0]:g} to {BAND[1]:g} Hz have a damping ratio of at least "
-                    f"{wanted.damping:g}; the least damped: {_named(self.modes, worst[0])}."
+                    f"{wanted.damping:g}; the least damped: {_named(self.modes, self.oscillations[0])}."
                 )
         if self.no_modes:
             said.append(f"Oscillations are not judged, so the system does not count as secure: {self.no_modes}")
@@ -361,11 +360,6 @@ class Settings(NamedTuple):
 
 def _cycles(number: float) -> str:
     return f"{number:g} cycle{'s' * (number != 1)}"
-
-
-def critical(found: ClearingTime) -> float:
-    """Critical clearing time, cycles: 0 if there is none, the limit of the search if it is longer."""
-    return found.search.limit_cycles if found.status == "stable_at_limit" else found.cycles or 0.0
 
 
 def _named(found: Modes, k: int) -> str:

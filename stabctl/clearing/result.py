@@ -93,6 +93,11 @@ class ClearingTime(Tabular):
         return self.contingency.tripped
 
     @property
+    def reach_cycles(self) -> float:
+        """Longest clearing time survived: 0 if there is none, the limit of the search if every one is."""
+        return self.search.limit_cycles if self.status == "stable_at_limit" else self.cycles or 0.0
+
+    @property
     def lowest_unstable(self) -> float | None:
         """Lowest unstable clearing time found, cycles; None if every one tried was stable."""
         return min((r.cycles for r in self.runs if not r.stable), default=None)

@@ -135,6 +135,8 @@ def importing(
 
     if dyr_file is not None and dyr is not None:
         raise StudyError("The DYR file is given twice, with and without --dyr; give it once.")
+    if out is None and (missing, missing_controls) != ("refuse", "refuse"):
+        raise StudyError("--missing and --missing-controls change the case that is written; give --out too.")
     shared.folder(out)
     shared.folder(page)
     report = import_report(raw, dyr_file or dyr, check=check, loads=loads)

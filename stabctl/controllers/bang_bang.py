@@ -62,17 +62,5 @@ class BangBang(Law):
         guard(self, omitted=False)
 
     def par(self, device: StorageDevice) -> Par:
-        """Parameters in pu.
-
-        Parameters
-        ----------
-        device : StorageDevice
-            The device that receives the orders.
-
-        Examples
-        --------
-        >>> from stabctl.controllers.signals import StorageDevice
-        >>> st.BangBang().par(StorageDevice(rating=50, machine=900, frequency=60)).gate
-        0.8
-        """
+        """Parameters in pu."""
         return Par(self.deadband / device.frequency, self.min_voltage)

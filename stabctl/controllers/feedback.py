@@ -96,38 +96,13 @@ class Feedback(Law):
         return 1 / 960 if self.braking else super().step
 
     def par(self, device: StorageDevice) -> Par:
-        """Parameters, with gains in orders per pu of speed.
-
-        Parameters
-        ----------
-        device : StorageDevice
-            The device that receives the orders.
-
-        Examples
-        --------
-        >>> from stabctl.controllers.signals import StorageDevice
-        >>> st.Feedback(10.0).par(StorageDevice(rating=50, machine=900, frequency=60)).gate
-        0.8
-        """
+        """Parameters, with gains in orders per pu of speed."""
         scale = 2 * pi * device.frequency * device.machine / device.rating if device.rating else 0.0
         gains = self.speed_gain * scale, self.acceleration_gain * scale
         return Par(self.deadband / device.frequency, self.min_voltage, *gains, float(self.braking))
 
     def gains(self, device: StorageDevice) -> tuple[float, float, float]:
-        """Slopes of the order, as in `Law.gains`; 0 of speed if the power is full from the edge of the deadband on.
-
-        Parameters
-        ----------
-        device : StorageDevice
-            The device that receives the orders.
-
-        Examples
-        --------
-        >>> from stabctl.controllers.signals import StorageDevice
-        >>> device = StorageDevice(rating=50, machine=900, frequency=60)
-        >>> [round(slope) for slope in st.Feedback(0.1).gains(device)]
-        [679, 0, 0]
-        """
+        """As in `Law.gains`; 0 of speed if the power is full from the edge of the deadband on."""
         par = self.par(device)
         if par.speed_gain * par.deadband >= 1:
             par = par._replace(speed_gain=0.0)

@@ -138,19 +138,7 @@ class StorageLaw(Law):
         return self.angle_gain != 0
 
     def par(self, device: StorageDevice) -> Par:
-        """Parameters in pu.
-
-        Parameters
-        ----------
-        device : StorageDevice
-            The device that receives the orders.
-
-        Examples
-        --------
-        >>> from stabctl.controllers.signals import StorageDevice
-        >>> st.StorageLaw().par(StorageDevice(rating=50, machine=900, frequency=60)).gate
-        0.8
-        """
+        """Parameters in pu."""
         f, rating = device.frequency, device.rating / device.system
         back = self.return_time > 0 and rating > 0
         return Par(
@@ -167,20 +155,7 @@ class StorageLaw(Law):
         )
 
     def gains(self, device: StorageDevice) -> tuple[float, float, float]:
-        """Slopes of the order, as in `Law.gains`.
-
-        Parameters
-        ----------
-        device : StorageDevice
-            The device that receives the orders.
-
-        Examples
-        --------
-        >>> from stabctl.controllers.signals import StorageDevice
-        >>> device = StorageDevice(rating=50, machine=900, frequency=60)
-        >>> [round(slope) for slope in st.StorageLaw(slope=0.1).gains(device)]
-        [600, 0, 0]
-        """
+        """As in `Law.gains`."""
         if not self.slope:
             return 0.0, 0.0, 0.0
         par = self.par(device)

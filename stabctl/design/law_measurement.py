@@ -29,7 +29,7 @@ WATCHED = 10.0  # s   after clearing, in which the duty is measured
 ACTING = 0.02  # ratings   smaller orders count as none
 LAST = 0.5  # s   over which the final voltage is averaged
 SAMPLED = 0.25  # s   between the energies of a long run
-AFTER = 10.0  # s   watched after the devices have their energy back
+AFTER = 10.0  # s   watched beyond the time in which they shall have their energy back
 
 
 class Duty(NamedTuple):
@@ -64,7 +64,7 @@ class Later(NamedTuple):
     energy_kwh
         Range of the energy of every device, summed.
     left_kwh
-        How far the devices are from their initial energy at the end, summed.
+        How far the devices are then from their initial energy, summed.
     """
 
     stable: bool
@@ -134,19 +134,22 @@ class Bench:
         return replace(self.search, scan_cycles=0.0)
 
     def measured(self, cases: Sequence[tuple[Law | None, Contingency]], search: Search) -> list[Measured]:
-        """What laws (None: idle devices) reach in contingencies, measured once each; coarsely without the return."""
+        """What laws (None: idle devices) reach in contingencies, measured once each.
+
+        On the coarse grid, the return of the energy is not watched.
+        """
         missing = [c for c in dict.fromkeys(cases) if (*c, search) not in self._known]
         within = 0.0 if search == self.coarse else self._within_s
         jobs = [Measurement(*c, search, self._near(*c), within) for c in missing]
         tasks = [measurement_task(job, self._base, self._runner.remote) for job in jobs]
         for done, row in self._runner.rows(tasks):
-            self._known[done.job.law, done.job.contingency, search] = measured(row)
+            self._known[done.job.law, done.job.contingency, search] = from_row(row)
             if self._progress:
                 self._progress(len(self._known))
         return [self._known[*case, search] for case in cases]
 
     def _near(self, law: Law | None, contingency: Contingency) -> float | None:
-        """A clearing time (cycles) near the answer: that of a coarser search."""
+        """A clearing time (cycles) near the answer: that of another search."""
         known = (self._known.get((law, contingency, search)) for search in (self.fine, self.coarse))
         return next((m.reach for m in known if m and m.reach), None)
 
@@ -172,8 +175,8 @@ def measurement_task(job: Measurement, base: Base, identified: bool) -> Task:
     return Task(sha256({"format": FORMAT, "job": job.given(), "case": case}), job, base, LAW)
 
 
-def measured(row: dict[str, Any]) -> Measured:
-    """What is in a row."""
+def from_row(row: dict[str, Any]) -> Measured:
+    """What a row of the store holds."""
     machine, use, after = json.loads(row["rest"])
     later = None if after is None else Later(*after)
     return Measured(row["reach_cycles"], row["outcome"], machine, row["runs"], Duty(*use), later)
@@ -185,13 +188,12 @@ def run_measurement(task: Task) -> Found:
     search = job.search
     start = None if job.near is None else (round(job.near / search.resolution_cycles) + 1, 1)
     found = critical(Trial(point, job.contingency, job.law, search), start)
-    reach = {"unstable_at_zero": 0.0, "stable_at_limit": search.limit_cycles}.get(found.status, found.cycles or 0.0)
-    k = min(round(reach / search.resolution_cycles), search.last)
+    k = min(round(found.reach_cycles / search.resolution_cycles), search.last)
     watched = Trial(point, job.contingency, job.law, replace(search, observed_s=WATCHED, longest_s=0.0))
     use = duty(watched.simulate(k, record=True))
     after = later(watched, k, job.within_s) if job.within_s and _returns(job.law) else None
     runs = len(found.runs) + (start is None) + 1 + (after is not None)  # of the search, its first guess, and the duty
-    values = {"reach_cycles": reach, "outcome": found.status, "runs": runs}
+    values = {"reach_cycles": found.reach_cycles, "outcome": found.status, "runs": runs}
     return Found(values | {"rest": json.dumps([found.machine, use, after])})
 
 

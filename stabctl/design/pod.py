@@ -10,8 +10,8 @@ weights x are tuned:
 
     u = sum over inputs i and k = 0 ... order of  x_ik  sTw/(1+sTw)  1/(1+s/w)^k  y_i
 
-The output is linear in the weights, so the derivatives of the eigenvalues are exact. With lags enough, the sum is any
-filter with poles at w: it advances, delays and selects frequencies.
+The output is linear in the weights, so the derivatives of the eigenvalues are exact. With enough lags, the sum is any
+washed-out filter with poles at -w: it advances, delays and selects frequencies.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     import control
 
 STAGE = np.deg2rad(60)  # phase of one stage at most
-TAPS, MOST = 3, 8  # lags in the filter of an input: by default at most, and at most
+LAGS, MOST_LAGS = 3, 8  # in the filter of an input: tried by default, and allowed
 GAINS = np.geomspace(0.01, 3.0, 40)  # gains that are tried, relative to that which moves the mode by its own size
 STEP = 0.02  # damping ratio that a weight of size 1 gives
 
@@ -77,7 +77,8 @@ def pod(
     spread : str or float
         Change of the gain with which the damping must hold too: 0.5 or "50%" for 50 to 150 % of it.
     mode : str or float, Hz, optional
-        Frequency of the mode; by default the least damped electromechanical one.
+        Frequency of the mode for the residue method, and for the best pair; by default the least damped
+        electromechanical one.
     order : int, optional
         Lags in the filter of every input, whose weights are tuned; by default the fewest of 1 to 3 with which several
         inputs reach the damping, and for a single input lead-lag stages by the residue method.
@@ -110,7 +111,7 @@ def pod(
     1 controller: smallest damping ratio of 0.1 to 3 Hz: -0.0087 without, 0.0500 with.
     """
     points = operating_points(base, storage)
-    hz = None if mode is None else hertz(mode)
+    hz, given = None if mode is None else hertz(mode), input is not None and output is not None
     if input is None or output is None:
         best = pairs(points[0], input or SIGNALS, output, mode=hz, delay=delay).best
         input, output = input or best[0], output or best[1]
@@ -118,24 +119,25 @@ def pod(
     share = quantity(spread, "-")
     if not 0 <= share < 1:
         raise StudyError(f"spread = {shown(spread)} is not allowed; give a share of the gain, such as 0.5.")
-    if order is not None and (isinstance(order, bool) or not isinstance(order, int) or not 1 <= order <= MOST):
-        raise StudyError(f"order = {shown(order)} is not allowed; give 1 to {MOST}.")
+    if order is not None and (isinstance(order, bool) or not isinstance(order, int) or not 1 <= order <= MOST_LAGS):
+        raise StudyError(f"order = {shown(order)} is not allowed; give 1 to {MOST_LAGS}.")
     late, slow = duration("delay", delay), duration("washout", washout)
     if rate is not None:
         checked_frames(name, rate, late)
+    by_residue = order is None and len(reads) == 1
+    if mode is not None and given and not by_residue:
+        raise StudyError(
+            "With an order or several inputs all modes of 0.1 to 3 Hz are damped, not one mode; leave mode out, or "
+            "give one input without an order."
+        )
     bounds: Any = (-np.inf, np.inf) if limits is None else limits
     more: dict[str, Any] = {"rate": rate, "delay": late, "limits": bounds, "name": name}
     factors = (1.0, 1 - share, 1 + share) if share else (1.0,)
-    if order is None and len(reads) == 1:
-        return _one(
-            points,
-            _residue_damper(points[0], reads[0], output, hz, slow, more),
-            damping,
-            factors,
-        )
+    if by_residue:
+        return _one(points, _residue_damper(points[0], reads[0], output, hz, slow, more), damping, factors)
     corner = 2 * np.pi * _middle(points[0])
     found: Design | None = None
-    for n in range(1, TAPS + 1) if order is None else [order]:
+    for n in range(1, LAGS + 1) if order is None else [order]:
         make, count = _lag_chain_damper(reads, output, n, corner=corner, washout=slow, **more)
         new = _several(points, make, count, damping, factors)
         found = new if found is None or new.short < found.short else found
@@ -146,9 +148,11 @@ def pod(
 
 
 def _signals(point: OperatingPoint, input: str | Sequence[str], output: str) -> tuple[str, ...]:
-    """The inputs, each with its place."""
+    """Names of the signals that are read; they and the one that is driven are checked."""
     reads, drives = chosen(point.case, input, OUTPUTS), chosen(point.case, output, INPUTS)
-    if not reads or len(drives) != 1:
+    if not reads:
+        raise StudyError("A damper reads at least one signal; give one, such as deviation:1, or leave the input out.")
+    if len(drives) != 1:
         raise StudyError(f"A damper has one output; give a single one, such as order:1@5, not {shown(output)}.")
     return tuple(s.name for s in reads)
 
@@ -165,7 +169,7 @@ def _residue_damper(
             f"The mode at {modes.frequency_hz[k]:.3f} Hz is not seen in {input}, or not moved by {output}; "
             "choose others."
         )
-    held = more["delay"] + (0.5 / more["rate"] if more["rate"] else 0.0)
+    held = more["delay"] + (0.5 / more["rate"] if more["rate"] else 0.0)  # a frame is held: half of it on average
     H = compensator(np.pi - float(np.angle(residue)) + s.imag * held, s.imag, washout)
     return Controller.from_control(H, input, output, **more), abs(s) / abs(residue), float(modes.frequency_hz[k])
 
@@ -176,7 +180,8 @@ def compensator(phase: float, w: float, washout: float) -> "control.TransferFunc
     K(s) = c sTw/(1+sTw) ((1+sT1)/(1+sT2))^n,  T1 = 1/(w sqrt(a)),  T2 = a T1,  a = (1-sin f)/(1+sin f),
 
     where f is the phase that the washout leaves to each stage. Source: P. Kundur, Power System Stability and
-    Control, 1994, section 12.5; J. Sadikovic, PhD thesis, ETH Zurich, 2006 (residue method).
+    Control, 1994, section 12.5; R. Sadikovic, Use of FACTS Devices for Power Flow Control and Damping of Oscillations
+    in Power Systems, PhD thesis, ETH Zurich, 2006 (residue method).
     """
     import control
 
@@ -218,7 +223,7 @@ def _chain(order: int, corner: float, washout: float) -> tuple[np.ndarray, ...]:
     n = order + 1
     A, B = np.zeros((n, n)), np.zeros((n, 1))
     C, D = np.eye(n), np.zeros((n, 1))
-    A[0, 0] = B[0, 0] = 1 / washout
+    B[0, 0] = 1 / washout
     A[0, 0], C[0, 0], D[0, 0] = -1 / washout, -1.0, 1.0
     for k in range(1, n):
         A[k] = corner * C[k - 1]
@@ -265,8 +270,8 @@ def _several(
 
 
 def _middle(point: OperatingPoint) -> float:
-    """Middle (Hz) of the frequencies of the electromechanical modes."""
+    """Geometric middle (Hz) of the frequencies of the electromechanical modes."""
     modes = closed_loop(point).modes()
-    meant(modes, None)
+    meant(modes, None)  # raises if there are none
     hz = modes.frequency_hz[modes.swings()]
     return float(np.sqrt(hz.min() * hz.max()))

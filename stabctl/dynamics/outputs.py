@@ -58,7 +58,7 @@ def place(point: OperatingPoint, signal: Signal) -> int:
 
 
 def value(point: OperatingPoint, signal: Signal) -> Callable[[np.ndarray], float]:
-    """The value of an output from all signals s."""
+    """The value of an output from all signals s; of a bus frequency it is the angle, as in `reading`."""
     read = reading(point, signal)
     if read is None:
         at = place(point, signal)
@@ -67,9 +67,9 @@ def value(point: OperatingPoint, signal: Signal) -> Callable[[np.ndarray], float
 
 
 def reading(point: OperatingPoint, signal: Signal) -> Reading | None:
-    """The output as a function of states, voltages, set-points and speeds; None for an output that `place` locates.
+    """The output as a function of states, voltages, set-points and speeds; None where a device gives it, at `place`.
 
-    A bus frequency is that of its angle, whose rate it is: see `angle_rate`.
+    Of a bus frequency it is the angle, whose rate the frequency is: see `angle_rate`.
     """
     if given(signal.kind):
         at = place(point, signal)
@@ -160,7 +160,7 @@ def _flow(point: OperatingPoint, signal: Signal, states: int) -> Reading:
 def line(
     point: OperatingPoint, name: Any, state: network.BranchState = network.INTACT
 ) -> tuple[np.ndarray, line_power.Par]:
-    """Components (4) of the voltages at the ends of a circuit, the first one named first, and its admittances."""
+    """Places (4), from the first voltage on, of the voltages at the ends of a circuit as named, and its admittances."""
     row, forward = circuit(point.case, name)
     net = point.net
     t = net.ratio[row]
@@ -179,9 +179,9 @@ def state(point: OperatingPoint, signal: Signal) -> int:
     """Place in s of a state, by its label. Raises `StudyError` if there is no such state."""
     labels = unique(p.label for p in point.layout.states)
     if signal.place not in labels:
-        near = difflib.get_close_matches(str(signal.place), labels, n=3)
+        similar = difflib.get_close_matches(str(signal.place), labels, n=3)
         raise StudyError(
-            f"{point.case.name} has no state {shown(signal.place)}; " + (f"similar ones are {', '.join(near)}."
-            if near else f"its first ones are {', '.join(labels[:3])}.")
+            f"{point.case.name} has no state {shown(signal.place)}; " + (f"similar ones are {', '.join(similar)}."
+            if similar else f"its first ones are {', '.join(labels[:3])}.")
         )  # fmt: skip
     return labels.index(str(signal.place))

@@ -1,6 +1,6 @@
 """A frame in the filters, compiled: prediction, correction and measurement equations for all seeds k and machines i.
 
-The equations are those of `swing`, `machine_model` and `filter_bank`. Arrays are (seeds, machines) unless stated
+The equations are those of `_swing`, `_machine_model` and `_filter_bank`. Arrays are (seeds, machines) unless stated
 otherwise; results are written into the arrays given for them, or into those that they change.
 """
 
@@ -113,7 +113,7 @@ def move(x, P, I, received, c, kept, g, after, F, change):
 
 @entry
 def spread(x, P, variance, of_current, received, c, kept, change, window, settings, hidden, Q):
-    """Process covariance Q (seeds, machines, 5, 5), as in `swing.process_covariance`.
+    """Process covariance Q (seeds, machines, 5, 5), as in `_swing`.
 
     `window` (3, seeds, machines) has what the filter of the PMUs adds: standard deviation of the current, variance of
     the power, and the jump of iq; `settings` are the standard deviations of angle and magnitude, the share of the

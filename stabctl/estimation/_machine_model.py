@@ -41,16 +41,16 @@ from ._report_errors import (
     computed_current_variance,
     computed_power_variance,
 )
-from ._swing import STATES, UNKNOWN, Governors, Tuning, swing
+from ._swing import HIDDEN, STATES, Governors, swing
 from .pmu import Frame, Pmu, window
-from .rotor_units import RotorUnits
+from .rotor_units import ProcessNoise, RotorUnits
 
 FORGOTTEN = 0.5  # s   without a report, after which a filter starts anew with the next one
 UNSETTLED = 0.05  # pu   standard deviation of a flux that may not be at rest
 NOTHING = 0.1  # pu   standard deviation of speed and power of a machine that has not reported yet
 RUNAWAY = 5e-3  # pu   standard deviation of a speed after a long silence, at least
 FLOOR = 1e-8  # rad^2   error of the model: without measurement noise the filter would be singular
-ANGLE, SLIP = 2.0, 2.0  # standard deviations of the values in the middle of a window, in units of the differences above
+ANGLE, SLIP = 2.0, 2.0  # errors in the middle of a window: of the angle, per change of its correction; of the speed
 START = 200  # damped substitutions for the flux at a steady start
 
 
@@ -81,14 +81,14 @@ class MachineModel:
     Begun with the first report, of a system at rest. Then `predict`, `observe` and `settle` take the same report.
     """
 
-    def __init__(self, known: RotorUnits, pmu: Pmu, *, power: bool, tuning: Tuning) -> None:
-        self.known, self.tuning, self.power, self.T = known, tuning, power, 1 / pmu.rate
+    def __init__(self, known: RotorUnits, pmu: Pmu, *, power: bool, process: ProcessNoise) -> None:
+        self.known, self.process, self.power, self.T = known, process, power, 1 / pmu.rate
         n, self.memory = len(known.H), max(1, round(FORGOTTEN * pmu.rate))
         self._noise = {"angle": pmu.angle, "magnitude": pmu.magnitude}
         self._has_flux = (known.flux["xq"] > 0).astype(float)
         self.H: np.ndarray = known.H if power else np.full(n, 0.5)
         self.D: np.ndarray = known.D if power else np.zeros(n)
-        walk = tuning.walk if power else tuning.jerk
+        walk = process.walk if power else process.jerk
         hz, flux = known.frequency_hz, self._has_flux
         self.swing = swing(self.H, self.D, hz=hz, T=self.T, walk=walk, flux=flux, with_power=power)
         self.q_axis = QAxis(known, self.T, self.memory)
@@ -99,7 +99,7 @@ class MachineModel:
             known.impedance, known.mva, self._has_flux * power, s.F, s.B, s.walk, s.c, s.d,
             q.A, q.B, q.out, q.speed, q.slope, q.knee, q.step, q.ramp,
         )  # fmt: skip
-        self._settings = pmu.angle, pmu.magnitude, tuning.share * power, float(np.sqrt(self._window.together))
+        self._settings = pmu.angle, pmu.magnitude, process.share * power, float(np.sqrt(self._window.together))
 
     def measured(self, frame: Frame) -> Measured:
         """The internal voltages and powers of a frame."""
@@ -129,7 +129,7 @@ class MachineModel:
         P[..., 0, 0], P[..., 1, 1], P[..., 2, 2] = start.variance, 1e-4**2, seen.variance
         P[..., 2, 2] += 0 if self.power else 1e-3**2
         P[..., 3, 3] = P[..., 4, 4] = (1e-3**2 + seen.of_current) * self._has_flux
-        nothing = np.diag([np.pi, *[NOTHING] * 4]) ** 2 * np.array([1, 1, 1, 0, 0])
+        nothing = np.diag([np.pi, NOTHING, NOTHING, 0, 0]) ** 2
         return x, np.where(seen.frame.received[..., None, None], P, nothing)
 
     def restarted(
@@ -194,7 +194,7 @@ class MachineModel:
         """Angle and speed (seeds, machines, 2) at the time stamp, and their covariance."""
         r, lost, both = self.unreported.moved, self.unreported.lost, P[..., :2, :2]
         if r.any() or lost.any():
-            both = both + r[..., :, None] * r[..., None, :] * UNKNOWN[:2, :2] + (lost > 0)[..., None, None] * UNSURE
+            both = both + r[..., :, None] * r[..., None, :] * HIDDEN[:2, :2] + (lost > 0)[..., None, None] * UNSURE
         if not self._window.wide:
             return x[..., :2], both
         a, _ = self.acceleration(x, P)
@@ -220,7 +220,7 @@ class MachineModel:
 
 
 def measured(frame: Frame, known: Constants, noise: dict[str, float], power: bool) -> Measured:
-    """The internal voltages of a frame, and with `power` the powers; `noise` as in `swing.computed_power_variance`."""
+    """The internal voltages of a frame, and with `power` the powers; `noise` as in `computed_power_variance`."""
     ZI, E, I = np.empty((3, *frame.V.shape), complex)
     P, variance, none = np.zeros((3, *frame.V.shape))
     V, current = np.ascontiguousarray(frame.V), np.ascontiguousarray(frame.I)
@@ -281,7 +281,6 @@ class QAxis:
         self.knee = (1 - 1.2 * ratio) / (1 - ratio)
         gap = np.divide(f["xq"] - f["xl"], f["xd"] - f["xl"], out=np.zeros(n), where=has)
         self.slope = steep / (1.2 - self.knee) ** 2 * gap * ((f["S10"] > 0) & (f["S12"] > 0))
-        self.saturated = bool(self.slope.any())
 
     def psi(self, flux: np.ndarray) -> np.ndarray:
         """psi''q (seeds, machines), pu, of the fluxes e and k (seeds, machines, 2)."""
@@ -303,7 +302,7 @@ class QAxis:
 
 
 def turn(psi: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """asin(w psi''q / |E''|), rad."""
+    """asin(psi''q / |E''|), rad: the speed in E'' = w psi'' is taken to be 1."""
     return np.arcsin(within(psi / size, 0.99))
 
 
@@ -320,7 +319,7 @@ class PmuWindow:
         self.wide, self._half, self.T, self.wb = half > 0, half, T, 2 * np.pi * hz
         self._width = max(half / 3, 1) * T
         self._variance = float(weights @ np.arange(-half, half + 1) ** 2) * T**2
-        self._turns: deque[np.ndarray] = deque(maxlen=2 * half + 1)
+        self._moved: deque[np.ndarray] = deque(maxlen=2 * half + 1)  # pu   change of the current
         self._changes: deque[np.ndarray] = deque(maxlen=half + 1)
         self.together = 1 / float(weights @ weights)
 
@@ -330,8 +329,8 @@ class PmuWindow:
 
     def flux_noise(self, slip: np.ndarray, change: np.ndarray) -> np.ndarray:
         """Standard deviation (pu) of the current that drives the fluxes, from the turn of the rotor in the window."""
-        self._turns.append(np.abs(change))
-        return self.turned(slip) * np.max(self._turns, 0)
+        self._moved.append(np.abs(change))
+        return self.turned(slip) * np.max(self._moved, 0)
 
     def entering(self, change: np.ndarray) -> np.ndarray:
         """Change (pu) of a part of the current, at least as much as may be entering with the last jump.

@@ -44,7 +44,7 @@ class Observation:
         hz, self.numbers, self.seeds = point.case.frequency_hz, [m.machine for m in point.case.machines], seeds
         without = np.isin(self.numbers, _known(pmu.missing, self.numbers, point.case.name))
         bad = _known([one.machine for one in pmu.bad], self.numbers, point.case.name)
-        self._spoil = BadReports(pmu.bad, [self.numbers.index(number) for number in bad], hz)
+        self._spoil = BadReports(pmu, [self.numbers.index(number) for number in bad], hz)
         self.simulations, self.network = simulations, NetworkModel(point)
         self.without = np.broadcast_to(without, shape).copy()  # machines whose reports are not used
         self._impedance = 1 / source_admittances(point.system)

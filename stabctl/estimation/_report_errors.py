@@ -17,7 +17,7 @@ speed by
 
     r = [r_d, r_s],   dr_s/dt = sigma / 2H,   dr_d/dt = wb r_s,
 
-whose outer product r r', with the correlation of unknown instants (`UNKNOWN`), is added to the covariance while no
+whose outer product r r', with the correlation `_swing.HIDDEN` of unknown instants, is added to the covariance while no
 report arrives. The next report tells the power at both ends of the gap, but not what it did in between: it may have
 jumped there and back if the gap is longer than `SHORTEST` and the network was switched, or have swung. Then this is
 process noise. Beyond `LINEAR` the angle is too uncertain for an extended filter, and the fluxes, which the current has

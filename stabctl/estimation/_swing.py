@@ -3,15 +3,15 @@
 State of a machine: x = [delta (rad), s = omega - 1 (pu), Pm (pu machine), e, k (pu)]; input is the air-gap power P, and
 a governor adds g to Pm:
 
-    d delta/dt = wb s,   2H omega ds/dt = Pm + g - P - D s,   dPm/dt = white noise of density q,
+    d delta/dt = wb s,   2H omega ds/dt = Pm + g - P - D s,   dPm/dt = white noise of density q = walk^2 (pu^2/s),
     (e, k): the fluxes of `_machine_model`, driven by the current I.
 
 A classical machine has no omega in its swing equation.
 
 Process noise over a frame T has five sources:
     walk   q * integral of h h', h(t) = [wb t^2/4H, t/2H, 1];
-    power  (var P + (share (Pm - P))^2) * h h', h = [c, d, 0, 0, 0], c = wb T^2/4H, d = T/2H; share is the model error;
-           the noise of a report acts in the frames before and after it, so that it counts in full;
+    power  (var P + (share (Pm + g - P))^2) * h h', h = [c, d, 0, 0, 0], c = wb T^2/4H, d = T/2H; share is the error
+           of the model; the noise of a report acts in the frames before and after it, so that it counts in full;
     flux   var iq * h h', h = [0, 0, 0, response of e and k to iq over a frame];
     jump   P and iq jump by dP and di at an unknown instant since the last report, m frames ago. The share u of this
            time that is left is uniform: delta has moved by -c m^2 u^2 dP, s by -d m u dP, e and k by u times their
@@ -21,7 +21,7 @@ Process noise over a frame T has five sources:
 
 A governor changes the mechanical power with the speed (`devices.governors.tgov`):
 
-    clip(Pref - K s, Pmin, Pmax) - Pref -> 1/(1+sTs) (1+sT3)/(1+sTc) (1+sT4)/(1+sT5) -> g
+    clip(Pref - K (omega - 1), Pmin, Pmax) - Pref -> 1/(1+sTs) (1+sT3)/(1+sTc) (1+sT4)/(1+sT5) -> g
 
 Pref is what the filter knows as its state Pm; the power of the turbine is Pm + g.
 """
@@ -39,9 +39,9 @@ REJECTED = 1 / 30  # s   for which the gate rejects reports before it accepts on
 STATES = 5
 JUMP = np.full((STATES, STATES), 1 / 12)
 JUMP[0, 0], JUMP[2], JUMP[:, 2] = 4 / 45, 0, 0
-UNKNOWN = np.eye(5)  # correlation of what a jump at an unknown instant does to angle and speed, and to the fluxes
-UNKNOWN[0, 1] = UNKNOWN[1, 0] = np.sqrt(3) / 2
-UNKNOWN[3, 4] = UNKNOWN[4, 3] = 1 / 2
+HIDDEN = np.eye(5)  # correlation of what the power does between two reports: a pulse at an unknown instant moves
+HIDDEN[0, 1] = HIDDEN[1, 0] = np.sqrt(3) / 2  # the speed by 1 and the angle by the time u left, E u / sqrt(E u^2)
+HIDDEN[3, 4] = HIDDEN[4, 3] = 1 / 2  # of the two fluxes, assumed
 
 
 class Swing(NamedTuple):
@@ -70,7 +70,7 @@ def swing(
     hz, T : float
         Frequency (Hz) and length of a frame (s).
     walk : float
-        Density of the random walk, pu/s^0.5.
+        Of the mechanical power: square root of the density, pu/s^0.5.
     flux : (machines,) array
         1 of machines with q-axis fluxes, else 0.
     with_power : bool
@@ -125,7 +125,7 @@ def process_covariance(k, i, model, Q, jump, frames, power, flux, noise, hidden)
             Q[k, i, a, b] = model.walk[i, a, b] + JUMP[a, b] * moved[a] * moved[b]
             if (a < 3) == (b < 3):  # the noises of power and current are independent
                 Q[k, i, a, b] += blurred[a] * blurred[b]
-            Q[k, i, a, b] += UNKNOWN[a, b] * hidden[a] * hidden[b]
+            Q[k, i, a, b] += HIDDEN[a, b] * hidden[a] * hidden[b]
 
 
 GOVERNOR = ("K", "Ts", "Tc", "T3", "T4", "T5", "Pmax", "Pmin")
@@ -181,14 +181,3 @@ def govern(slip, reference, at, droop, A, C, x, out):
                     x[k, j, a] += A[j, a, b] * before[b]
                 g += C[j, a] * x[k, j, a]
             out[k, i] = g
-
-
-class Tuning(NamedTuple):
-    """Assumptions beyond the noise of the phasors."""
-
-    walk: float = 0.005  # pu/s^0.5   of the power reference of a machine
-    share: float = 0.01  # -          error of the model, as a share of the accelerating power
-    jerk: float = 0.05  # pu/s/s^0.5 of the acceleration, kinematic model
-
-
-TUNING = Tuning()

@@ -9,9 +9,9 @@ from stabctl._util.verbs import verb
 from stabctl.controllers import BangBang, Law, SampledLaw
 from stabctl.controllers.controller import Controller
 
-from ._swing import TUNING, Tuning
 from .estimators import Engine, EstimatorName
 from .pmu import Pmu
+from .rotor_units import USUAL_NOISE, ProcessNoise
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class EstimatorControl:
         Seed of noise and losses.
     engine : {"batched", "filterpy"}
         All filters at once, or, as the reference with the same numbers, one filterpy filter per machine.
-    tuning : Tuning
+    process : ProcessNoise
         Process noise of the filters.
     inertia_factor, reactance_factor : float, or tuple with one per machine
         Multiply every H and x that the estimator uses, to study wrong machine data or to mend them (`Estimates.fit`).
@@ -56,7 +56,7 @@ class EstimatorControl:
     _: KW_ONLY
     seed: int = 1
     engine: Engine = "batched"
-    tuning: Tuning = TUNING
+    process: ProcessNoise = USUAL_NOISE
     inertia_factor: float | tuple[float, ...] = 1.0
     reactance_factor: float | tuple[float, ...] = 1.0
     check_pmus: bool = False

@@ -66,7 +66,7 @@ class EstimatorLoop:
         known = rotor_units(point, control.inertia_factor, control.reactance_factor)
         self.control, self.simulations, self.seeds = control, simulations, tuple(seeds)
         self.observation = Observation(simulations, pmu, seeds, control.check_pmus)
-        self.estimator = estimator(control.estimator, known, pmu, tuning=control.tuning, engine=control.engine)
+        self.estimator = estimator(control.estimator, known, pmu, process=control.process, engine=control.engine)
         own = pmu.own_frames(case.frequency_hz)
         self.coi = CoiReference(known.inertia, pmu.rate, own, pmu.remote_frames(case.frequency_hz))
         self._true_coi = CoiReference(rotor_units(point).inertia, pmu.rate, 0, 0)

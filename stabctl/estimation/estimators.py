@@ -28,9 +28,9 @@ import numpy as np
 from ._filter_bank import ENGINES, FilterBank, Seen, wrapped
 from ._kernels import Constants, Kept
 from ._machine_model import MachineModel, Measured
-from ._swing import TUNING, Tuning, rejections
+from ._swing import rejections
 from .pmu import Frame, Parts, Pmu
-from .rotor_units import RotorUnits
+from .rotor_units import USUAL_NOISE, ProcessNoise, RotorUnits
 
 EstimatorName = Literal["ideal", "frequency", "kinematic", "kalman"]
 Engine = Literal["filterpy", "batched"]
@@ -58,14 +58,19 @@ class Estimator(Protocol):
 
 
 def estimator(
-    name: EstimatorName, known: RotorUnits, pmu: Pmu, *, tuning: Tuning = TUNING, engine: Engine = "batched"
+    name: EstimatorName,
+    known: RotorUnits,
+    pmu: Pmu,
+    *,
+    process: ProcessNoise = USUAL_NOISE,
+    engine: Engine = "batched",
 ) -> Estimator:
     """The estimator of that name."""
     make: dict[str, Callable[[], Estimator]] = {
         "ideal": Ideal,
         "frequency": lambda: Frequency(pmu, known.frequency_hz),
-        "kinematic": lambda: Filtered(known, pmu, swing=False, tuning=tuning, engine=engine),
-        "kalman": lambda: Filtered(known, pmu, swing=True, tuning=tuning, engine=engine),
+        "kinematic": lambda: Filtered(known, pmu, swing=False, process=process, engine=engine),
+        "kalman": lambda: Filtered(known, pmu, swing=True, process=process, engine=engine),
     }
     return make[name]()
 
@@ -184,9 +189,15 @@ class Filtered:
     """A bank of extended Kalman filters on the internal angles; with `swing` the measured power is their input."""
 
     def __init__(
-        self, known: RotorUnits, pmu: Pmu, *, swing: bool, tuning: Tuning = TUNING, engine: Engine = "batched"
+        self,
+        known: RotorUnits,
+        pmu: Pmu,
+        *,
+        swing: bool,
+        process: ProcessNoise = USUAL_NOISE,
+        engine: Engine = "batched",
     ) -> None:
-        self.model, self._engine = MachineModel(known, pmu, power=swing, tuning=tuning), ENGINES[engine]
+        self.model, self._engine = MachineModel(known, pmu, power=swing, process=process), ENGINES[engine]
         self._clock = (2 * np.pi * known.frequency_hz * pmu.clock) ** 2
         self.clocks = Clocks(self.model.constants, self._clock)
         self.bank: FilterBank | None = None

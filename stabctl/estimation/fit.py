@@ -21,10 +21,9 @@ from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular, machine_column
 
 from ._filter_bank import GATE, Batched
-from ._swing import Tuning
 from .estimators import Filtered
 from .pmu import Frame, Pmu
-from .rotor_units import RotorUnits, rotor_units
+from .rotor_units import ProcessNoise, RotorUnits, rotor_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -104,7 +103,7 @@ def fit(found: "Estimates") -> Fit:
         steps = np.linspace(-1, 1, POINTS) * SPAN * finer
         shifts = np.array(list(product(steps, steps))).T  # (2, candidates)
         tried = best[:, None, :] + shifts[:, :, None]
-        values = likelihood(known, np.exp(tried), found.frames, pmu=control.pmu, tuning=control.tuning)
+        values = likelihood(known, np.exp(tried), found.frames, pmu=control.pmu, process=control.process)
         top = values.argmax(0)
         centers, best = best, best + shifts[:, top]
     peaks = [paraboloid(shifts, values[:, i]) for i in range(n)]
@@ -116,7 +115,7 @@ def fit(found: "Estimates") -> Fit:
 
 
 def likelihood(
-    known: RotorUnits, factors: np.ndarray, frames: Sequence[Frame], *, pmu: Pmu, tuning: Tuning
+    known: RotorUnits, factors: np.ndarray, frames: Sequence[Frame], *, pmu: Pmu, process: ProcessNoise
 ) -> np.ndarray:
     """Logarithm of the likelihood (candidates, machines) of factors (2, candidates, machines), over all seeds."""
     count, n = factors.shape[1:]
@@ -124,7 +123,10 @@ def likelihood(
     H, x = (factors * np.stack([known.H, known.x])[:, None, :]).reshape(2, -1)
     bus, mva, D, ra = (np.tile(part, count) for part in (known.bus, known.mva, known.D, known.ra))
     tiled = RotorUnits(bus, H * mva, mva, H, D, ra, x, flux, governor, known.frequency_hz)
-    filters, total = Filtered(tiled, pmu, swing=True, tuning=tuning, engine="batched"), np.zeros(count * n)
+    filters, total = (
+        Filtered(tiled, pmu, swing=True, process=process, engine="batched"),
+        np.zeros(count * n),
+    )
     for report in frames:
         own = report.received if report.parts is None else report.received & ~report.parts.computed
         frame = report._replace(received=own)

@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from annotated_types import Ge, Interval
 
-from stabctl._util.errors import StudyError
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import quantity
 from stabctl._util.validation import guard
 
@@ -40,7 +40,7 @@ class BadPmu:
     at : float, s
         Instant from which it is wrong.
     frozen : bool
-        It repeats its last report.
+        It repeats its last report before `at`.
     drift : float, s
         Error of its clock that is added in every second.
     jump : float, rad
@@ -75,6 +75,8 @@ class BadPmu:
 
     def __post_init__(self) -> None:
         guard(self)
+        if self.until <= self.at:
+            raise StudyError(f"A PMU that is bad from {self.at:g} s until {self.until:g} s never is; give a later end.")
 
 
 @dataclass(frozen=True)
@@ -94,20 +96,21 @@ class Pmu:
     latency : float, s
         Latency of remote reports; a machine's own report has none.
     loss, burst : float
-        Fraction of the reports that never arrive, and mean length (frames) of a run of lost reports.
+        Fraction of the reports that never arrive, and mean length (frames) of a run of lost reports; with a length of
+        1, each is lost independently of the others.
     outage : (time, time), optional
-        From, to: every report is lost.
+        From, to (s): every report is lost.
     missing : tuple of int
         Numbers of the machines without a PMU; their phasors are computed from those of the others.
     bad : tuple of BadPmu
         PMUs that report wrong phasors.
     filter_class : {"none", "P", "M"}
-        Class of the PMU's filter: none, or centered windows of 2 and 6 cycles.
+        Class of the PMU's filter: none, or centered windows of 2 and 6 cycles, rounded to whole frames.
 
     Raises
     ------
     StudyError
-        For a rate that is not in the standard, and for values out of range.
+        For a rate that is not one of `RATES`, and for values out of range.
 
     Examples
     --------
@@ -191,13 +194,18 @@ class Pmu:
         if self.rate not in RATES:
             rates = ", ".join(map(str, RATES))
             raise StudyError(f"A PMU rate of {self.rate} per second is not possible; choose one of {rates}.")
-        if self.loss > self.burst / (1 + self.burst):
+        if self.burst > 1 and self.loss > self.burst / (1 + self.burst):
             raise StudyError(
                 f"A loss of {self.loss:g} with a burst length of {self.burst:g} is not possible; it must be at most "
                 f"burst/(1 + burst) = {self.burst / (1 + self.burst):g}."
             )
         if self.outage is not None:
-            object.__setattr__(self, "outage", tuple(quantity(time, "s", bare=False) for time in self.outage))
+            if not isinstance(self.outage, tuple | list) or len(self.outage) != 2:
+                raise StudyError(f"outage = {shown(self.outage)} is not allowed; give (from, to): ('0.6s', '0.8s').")
+            begin, end = (quantity(time, "s", bare=False) for time in self.outage)
+            if not begin < end:
+                raise StudyError(f"An outage from {begin:g} to {end:g} s is not possible; give the earlier time first.")
+            object.__setattr__(self, "outage", (begin, end))
 
     def own_frames(self, hz: float) -> int:
         """Age of a machine's own report: the group delay of the PMU's filter.
@@ -211,12 +219,23 @@ class Pmu:
         -------
         int, frames
 
+        Raises
+        ------
+        StudyError
+            If the window of the filter has no other frame than that in its middle.
+
         Examples
         --------
         >>> st.Pmu(filter_class="M").own_frames(60)
         3
         """
-        return round(HALF_WINDOW[self.filter_class] * self.rate / hz)
+        cycles = HALF_WINDOW[self.filter_class]
+        if cycles and not (half := round(cycles * self.rate / hz)):
+            raise StudyError(
+                f"{self.rate} reports per second are too few for the filter of class {self.filter_class}, a window of "
+                f"{2 * cycles} cycles; give more than {hz / (2 * cycles):g}, or no filter."
+            )
+        return half if cycles else 0
 
     def remote_frames(self, hz: float) -> int:
         """Age of the newest report of another machine: group delay and latency.
@@ -239,7 +258,7 @@ class Pmu:
 
     @property
     def tve(self) -> float:
-        """Root mean square of the total vector error |V' - V|/|V|."""
+        """Root mean square of the total vector error |V' - V|/|V| that the noise alone makes."""
         return hypot(self.angle, self.magnitude)
 
 
@@ -333,25 +352,35 @@ def window(half: int) -> np.ndarray:
 
 
 class BadReports:
-    """Makes the reports of bad PMUs wrong; `rows` are the rows of their machines."""
+    """Makes the reports of bad PMUs wrong; `rows` are the rows of their machines.
 
-    def __init__(self, bad: Sequence[BadPmu], rows: Sequence[int], frequency_hz: float) -> None:
-        self._bad, self._wb = tuple(zip(bad, rows, strict=True)), 2 * pi * frequency_hz
-        self._last: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    What turns the phasors between two frames is in the frequency, and in the ROCOF what changes that.
+    """
+
+    def __init__(self, pmu: Pmu, rows: Sequence[int], frequency_hz: float) -> None:
+        self._bad, self._wb = tuple(zip(pmu.bad, rows, strict=True)), 2 * pi * frequency_hz
+        self._rate = pmu.rate
+        self._last: dict[int, tuple[np.ndarray, ...]] = {}
+        self._before = [(0.0, 0.0)] * len(rows)  # rad and pu   turn and error of the frequency in the last frame
 
     def __call__(self, at: float, frame: Frame) -> Frame:
         """The frame at an instant (s), as it is reported."""
         if not self._bad:
             return frame
-        V, I = frame.V.copy(), frame.I.copy()
+        V, I, frequency, rocof = told = [part.copy() for part in (frame.V, frame.I, frame.frequency, frame.rocof)]
         for k, (bad, row) in enumerate(self._bad):
             since = at - bad.at
+            wrong = since >= -1e-9 and at <= bad.until - 1e-9
             if since < -1e-9:
-                self._last[k] = V[:, row].copy(), I[:, row].copy()
-            if since < -1e-9 or at > bad.until - 1e-9:
-                continue
-            if bad.frozen and k in self._last:
-                V[:, row], I[:, row] = self._last[k]
-            turned = np.exp(1j * (bad.jump + (bad.ramp + self._wb * bad.drift) * since))
-            V[:, row], I[:, row] = V[:, row] * turned, I[:, row] * turned
-        return frame._replace(V=V, I=I)
+                self._last[k] = tuple(part[:, row].copy() for part in told)
+            if wrong and bad.frozen and k in self._last:
+                for part, last in zip(told, self._last[k], strict=True):
+                    part[:, row] = last
+            turn = (bad.jump + (bad.ramp + self._wb * bad.drift) * since) if wrong else 0.0
+            before, error = self._before[k]
+            faster = (turn - before) * self._rate / self._wb
+            self._before[k] = turn, faster
+            V[:, row], I[:, row] = V[:, row] * np.exp(1j * turn), I[:, row] * np.exp(1j * turn)
+            frequency[:, row] += faster
+            rocof[:, row] += (faster - error) * self._rate
+        return frame._replace(V=V, I=I, frequency=frequency, rocof=rocof)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,13 +18,33 @@ Factor = float | tuple[float, ...]
 REACTANCES = ("x2", "x1d")  # behind which the internal voltage is formed: x'' where the machine has one, else x'd
 FLUX = ("xl", "xd", "xq", "x1q", "x2", "T1q", "T2q", "S10", "S12", "speed_factor")  # of the q axis of GENROU
 
-SALIENT = {
-    "x1q": 0.0,
-    "T1q": 0.0,
-    "S10": 0.0,
-    "S12": 0.0,
-    "speed_factor": 0.0,
-}  # of a machine with one damper circuit: x'q = xq
+SALIENT = dict.fromkeys(("x1q", "T1q", "S10", "S12", "speed_factor"), 0.0)  # with one damper circuit: x'q = xq
+
+
+class ProcessNoise(NamedTuple):
+    """What the filters assume about a machine beyond the noise of its phasors: with more, they trust its data less.
+
+    Parameters
+    ----------
+    walk : float, pu/s^0.5
+        Of the power reference, on the machine base, which moves as a random walk.
+    share : float
+        Error of the swing equation, as a share of the accelerating power.
+    jerk : float, pu/s/s^0.5
+        Of the acceleration, in the kinematic model.
+
+    Examples
+    --------
+    >>> doubtful = st.EstimatorControl(process=st.ProcessNoise(walk=0.02, share=0.05))
+    >>> st.load("two_area").estimate(st.Contingency("7", clear="6cyc"), "2s", storage="50MW", control=doubtful).stable
+    """
+
+    walk: float = 0.005
+    share: float = 0.01
+    jerk: float = 0.05
+
+
+USUAL_NOISE = ProcessNoise()
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -1,7 +1,7 @@
 """An operating point with a storage control law, connected for the stepper.
 
-After the outputs of the system comes a memory: the orders requested from the storage devices, and what `Relative`
-describes.
+After the outputs of the system comes a memory (`Memory`): the orders that the law wants, the delay lines of a sampled
+law and the orders behind them, those at the beginning of a step, and what `Relative` describes.
 """
 
 from collections.abc import Sequence
@@ -68,7 +68,7 @@ class Memory(NamedTuple):
 
     orders: slice  # that the law, or the user, wants
     lines: int  # of the delay lines of a sampled law
-    acting: int  # orders after these lines
+    acting: int  # orders behind these lines
     begun: int  # orders at the beginning of a step, and those wanted there
     relative: Relative
     end: int
@@ -100,7 +100,7 @@ def wired(
 
 
 def _wired(point: OperatingPoint, control: Law | None, rates: tuple[int, ...], gates: tuple[int, ...]) -> Wired:
-    """The same, made anew."""
+    """As `wired`, without a look at what the system keeps."""
     memory = _memory(point, control)
     layout = replace(point.system.layout, memory=point.system.layout.memory + memory.end - point.system.layout.size)
     families = (*point.system.families, *_families(point, control, memory, layout, rates))

@@ -49,7 +49,7 @@ class Descriptor:
     point: OperatingPoint
     parts: Parts
     places: tuple[layout.StatePlace, ...]  # of the states
-    rows: np.ndarray  # places of the states in s
+    rows: np.ndarray  # their indices in s
     inputs: tuple[Signal, ...]
     outputs: tuple[Signal, ...]
 
@@ -78,8 +78,8 @@ class Descriptor:
 
     def __str__(self) -> str:
         shape = f"{len(self.rows)} states, {self.gv.shape[0]} voltages"
-        filled = self.fx.nnz + self.fv.nnz + self.gx.nnz + self.gv.nnz
-        return f"linearized {self.point.case.name}: {shape}, {filled} entries"
+        entries = self.fx.nnz + self.fv.nnz + self.gx.nnz + self.gv.nnz
+        return f"linearized {self.point.case.name}: {shape}, {entries} entries"
 
     __repr__ = __str__
 
@@ -140,7 +140,7 @@ def _outputs(
     inputs: np.ndarray,
     signals: tuple[Signal, ...],
 ) -> tuple[np.ndarray, ...]:
-    """Derivatives of the outputs. The rate of a bus angle follows from that of its voltage, v' = -inv(gv) gx x'."""
+    """Derivatives of the outputs. The rate of a bus angle follows from v' = -inv(gv) gx x', with constant inputs."""
     fx, fv, gx, gv, fu = parts
     nx = point.layout.nx
     hx, hv = np.zeros((len(signals), len(rows))), np.zeros((len(signals), gv.shape[0]))

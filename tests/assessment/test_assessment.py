@@ -69,6 +69,19 @@ def test_the_limits_themselves_are_allowed(study, beyond, secure):
     assert secure or at.low_or_high == ((8, low),)
 
 
+def test_an_oscillation_outside_the_band_is_not_the_least_damped_one(study):
+    """One of 5 Hz with a damping ratio of 0.01 is not judged, in no sentence."""
+    fast = int(np.argmax(study.modes.eigenvalues.imag))
+    s = study.modes.eigenvalues.copy()
+    s[fast] = 2 * np.pi * 5 * complex(-0.01, 1)
+    other = replace(study, modes=replace(study.modes, eigenvalues=s))
+    assert other.modes.least_damped()[0] == fast
+    assert other.oscillations[0] == study.modes.least_damped()[0]
+    assert str(other) == str(study)
+    assert "least damped: 0.611 Hz, damping ratio 0.1198" in str(other)
+    assert [*study_page._numbers(other)] == [*study_page._numbers(study)]
+
+
 def test_it_is_told_while_parts_are_missing(base):
     parts, shares = [], []
     tell = {"each": parts.append, "progress": lambda *told: shares.append(told)}

@@ -62,6 +62,9 @@ def test_what_a_device_cannot_move_is_said(cases):
         ({"mode": 2.5}, "no electromechanical mode near 2.5 Hz; they are at 0.608, 1.122, 1.153 Hz"),
         ({"rate": 50, "delay": "90ms"}, "not a whole number of frames at 50/s; give 80 or 100 ms"),
         ({"output": "order:3@11, vs:1"}, "A damper has one output"),
+        ({"input": []}, "A damper reads at least one signal"),
+        ({"mode": 0.608, "order": 2}, "leave mode out"),
+        ({"mode": 0.608, "input": "deviation:1, deviation:3"}, "leave mode out"),
     ],
 )
 def test_mistakes(base, given, says):

@@ -5,11 +5,12 @@ import pytest
 
 from stabctl import io
 from stabctl._util.errors import StudyError
+from stabctl.controllers import Feedback
 from stabctl.estimation._bad_data import PmuCheck
 from stabctl.estimation._network_model import NetworkModel
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
-from stabctl.estimation.pmu import BadPmu, Instrument, Pmu
+from stabctl.estimation.pmu import BadPmu, BadReports, Instrument, Pmu
 from stabctl.estimation.rotor_units import Terminals
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.setup import setup
@@ -62,6 +63,45 @@ def test_a_pmu_that_is_right_again_is_used_again_after_five_seconds():
     assert "used again" in str(back)
 
 
+@pytest.mark.parametrize("wrong", [{"jump": "5deg"}, {"ramp": "9deg"}, {"drift": "30us"}])
+def test_a_wrong_clock_reports_what_turned_phasors_would(wrong):
+    """Voltage, current, frequency and ROCOF: of bad reports, and of a PMU that sees phasors turned in this way."""
+    bad = BadPmu(1, 0.1, **wrong, until=0.2)
+    pmu = Pmu.exact(bad=(bad,))
+    spoil, healthy, seen = BadReports(pmu, [1], 60.0), Instrument(pmu, (1,), 2, 60.0), Instrument(pmu, (1,), 2, 60.0)
+    for k in range(20):
+        at = k / 60
+        V = np.exp(1j * np.array([[0.3 * at, 0.2 + at**2]]))
+        turn = (bad.jump + (bad.ramp + 120 * np.pi * bad.drift) * (at - 0.1)) if 0.1 - 1e-9 < at < 0.2 - 1e-9 else 0.0
+        turned = V * np.exp(1j * turn * np.array([0, 1]))
+        told = spoil(at, healthy.report(at, V, 0.5 * V, V.real))
+        right = seen.report(at, turned, 0.5 * turned, V.real)
+        for name in ("V", "I", "frequency", "rocof"):
+            assert getattr(told, name) == pytest.approx(getattr(right, name), abs=1e-11)  # 2e-13 of the ROCOF
+
+
+def test_a_frozen_pmu_repeats_its_whole_report():
+    pmu = Pmu(bad=(BadPmu(1, 0.1, frozen=True),))
+    spoil, meter = BadReports(pmu, [1], 60.0), Instrument(pmu, (1,), 2, 60.0)
+    seen = (np.exp(1j * np.full((2, 1, 2), k / 9)) for k in range(9))
+    frames = [spoil(k / 60, meter.report(k / 60, *phasors, np.ones((1, 2)))) for k, phasors in enumerate(seen)]
+    for name in ("V", "I", "frequency", "rocof"):
+        own = np.array([getattr(frame, name)[0] for frame in frames])
+        assert (own[6:, 1] == own[5, 1]).all()
+        assert (own[6:, 0] != own[5:-1, 0]).all()
+
+
+def test_the_frequency_estimator_sees_a_bad_pmu():
+    """36 degrees more in every second are 0.1 Hz, in the deviation of the machine itself and in that of the others."""
+    found = []
+    for bad in ((), (BadPmu(3, "0.5s", ramp="36deg"),)):
+        how = EstimatorControl(Feedback(0.0), "frequency", Pmu.exact(bad=bad))
+        found.append(estimate(io.load("two_area"), None, 1, storage="3=50MW", control=how, record=False))
+    error = 60 * (found[1].deviation_estimated - found[0].deviation_estimated)[-1, 0]
+    H = np.array([6.5, 6.5, 6.175, 6.175])
+    assert error == pytest.approx(np.where([0, 0, 1, 0], 0.1, -0.1 * H[2] / (H.sum() - H)), abs=1e-9)  # 3e-12
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", list(KINDS)[:4])
 @pytest.mark.parametrize("pair", [(1, 10), (3, 9), (4, 5)])
@@ -111,7 +151,13 @@ def test_no_false_alarm(points, name, minutes):
 
 
 @pytest.mark.parametrize(
-    ("given", "says"), [({"at": -1}, "at = -1"), ({"at": 1, "jump": "90us"}, "jump"), ({"at": 1, "drift": 3}, "drift")]
+    ("given", "says"),
+    [
+        ({"at": -1}, "at = -1"),
+        ({"at": 1, "jump": "90us"}, "jump"),
+        ({"at": 1, "drift": 3}, "drift"),
+        ({"at": 2, "frozen": True, "until": "1s"}, "give a later end"),
+    ],
 )
 def test_mistakes_are_sentences(given, says):
     with pytest.raises(StudyError, match=says):

@@ -5,14 +5,14 @@ import pytest
 
 from stabctl.dynamics import operating_point
 from stabctl.estimation._machine_model import MachineModel
-from stabctl.estimation._swing import Governors, Tuning
+from stabctl.estimation._swing import Governors
 from stabctl.estimation.estimators import Filtered
 from stabctl.estimation.pmu import Frame, Pmu
-from stabctl.estimation.rotor_units import Terminals, rotor_units
+from stabctl.estimation.rotor_units import ProcessNoise, Terminals, rotor_units
 from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation
 
-PMU, TUNING = Pmu(angle=3e-3, magnitude=2e-3), Tuning(walk=0.005, share=0.02)
+PMU, NOISE = Pmu(angle=3e-3, magnitude=2e-3), ProcessNoise(walk=0.005, share=0.02)
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def frames(point, turns, received):
 def test_the_variance_of_the_power_is_the_mean_of_two_reports_and_held_while_none_arrives(classical):
     """2 sm^2 P^2 + 2 sa^2 Q^2 at the terminals of a report, and (share (Pm - P))^2 of the model."""
     known, m = rotor_units(classical), 4
-    model = MachineModel(known, PMU, power=True, tuning=TUNING)
+    model = MachineModel(known, PMU, power=True, process=NOISE)
     lost, every = [True, False, True, False], [True] * m
     reports = [model.measured(f) for f in frames(classical, (0.0, 0.3, -0.4, 0.6), (every, lost, lost, every))]
     S = [(seen.frame.V * seen.frame.I.conj() / known.mva)[0] for seen in reports]
@@ -45,7 +45,7 @@ def test_the_variance_of_the_power_is_the_mean_of_two_reports_and_held_while_non
         here = seen.frame.received[0]
         Q = model.predict(x, seen).Q[0]
         jump = np.where(here, since * (seen.P[0] - P), 0.0)
-        power = (held + np.where(here, variance, held)) / 2 + (TUNING.share * (x[0, :, 2] - P)) ** 2
+        power = (held + np.where(here, variance, held)) / 2 + (NOISE.share * (x[0, :, 2] - P)) ** 2
         power += np.where(here, since * (seen.P[0] - P - since * rate) / 12, 0.0) ** 2  # of the bend
         gap_angle, gap_speed, _ = model.unreported.hidden[0].T
         assert np.all((gap_speed > 0) == (here & (since > 1)))
@@ -78,7 +78,7 @@ def test_the_compiled_filters_are_those_of_filterpy(points, filter_class):
 
 
 def test_at_the_start_the_fluxes_of_full_machines_are_uncertain_by_a_thousandth(points):
-    model = MachineModel(rotor_units(points("two_area")), PMU, power=True, tuning=TUNING)
+    model = MachineModel(rotor_units(points("two_area")), PMU, power=True, process=NOISE)
     (report,) = (model.measured(f) for f in frames(points("two_area"), (0.0,), ([True] * 4,)))
     x, P = model.begin(report)
     assert P[0, :, 3:, 3:] == pytest.approx(np.broadcast_to(1e-6 * np.eye(2), (4, 2, 2)))
@@ -88,7 +88,7 @@ def test_at_the_start_the_fluxes_of_full_machines_are_uncertain_by_a_thousandth(
 
 def test_the_acceleration_is_that_of_the_swing_equation_with_the_variance_of_its_powers(classical):
     known = rotor_units(classical)
-    model = MachineModel(known, PMU, power=True, tuning=TUNING)
+    model = MachineModel(known, PMU, power=True, process=NOISE)
     (report,) = (model.measured(f) for f in frames(classical, (0.2,), ([True] * 4,)))
     x, P = model.begin(report)
     diagonal = [report.variance[0] for _ in range(3)]

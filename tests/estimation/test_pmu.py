@@ -42,12 +42,12 @@ def test_noise_is_as_large_as_it_says_and_within_the_standard():
     assert np.std(frequency) * 60e3 == pytest.approx(5, rel=0.02)
 
 
-@pytest.mark.parametrize("burst", [1.0, 4.0])
-def test_losses_have_their_share_and_length(burst):
-    lost = ~np.array([f.received[0] for f in reports(Pmu(loss=0.1, burst=burst), frames=400)])
+@pytest.mark.parametrize(("loss", "burst"), [(0.1, 1.0), (0.9, 1.0), (0.1, 4.0), (0.8, 4.0)])
+def test_losses_have_their_share_and_length(loss, burst):
+    lost = ~np.array([f.received[0] for f in reports(Pmu(loss=loss, burst=burst), frames=400)])
     begins = lost[1:] & ~lost[:-1]
-    assert lost[50:].mean() == pytest.approx(0.1, rel=0.03)
-    assert lost[1:].sum() / begins.sum() == pytest.approx(burst if burst > 1 else 1 / 0.9, rel=0.03)
+    assert lost[50:].mean() == pytest.approx(loss, rel=0.03)
+    assert lost[1:].sum() / begins.sum() == pytest.approx(burst if burst > 1 else 1 / (1 - loss), rel=0.03)
 
 
 def test_an_outage_loses_every_report():
@@ -91,13 +91,19 @@ def test_frames_of_delay():
         {"latency": 1e300},
         {"loss": 1.0},
         {"burst": 0.5},
-        {"loss": 0.501, "burst": 1.0},
+        {"loss": 0.801, "burst": 4.0},
+        {"outage": ("1s",)},
+        {"outage": "1s"},
+        {"outage": ("0.8s", "0.6s")},
     ],
 )
 def test_mistakes_are_sentences(wrong):
-    with pytest.raises(StudyError, match=r"must be|choose one of"):
+    with pytest.raises(StudyError, match=r"must be|choose one of|give "):
         Pmu(**wrong)
 
 
-def test_at_most_every_other_report_is_lost_if_losses_are_single():
-    assert Pmu(loss=0.5, burst=1.0).loss == 0.5
+@pytest.mark.parametrize(("kind", "rate", "hz"), [("P", 30, 60.0), ("P", 25, 50.0), ("M", 10, 60.0)])
+def test_too_few_reports_for_the_window_of_a_filter_are_told(kind, rate, hz):
+    with pytest.raises(StudyError, match=f"{rate} reports per second are too few"):
+        Pmu(rate, filter_class=kind).own_frames(hz)
+    assert Pmu(2 * rate, filter_class=kind).own_frames(hz) == 1

@@ -135,6 +135,9 @@ def test_a_machine_without_a_model_is_named_and_replaced(files, stabctl):
     assert code == 2
     assert "no model for machine 101/1; --missing injection" in err
     assert not (raw.parent / "folder").exists()
+    code, _, err = stabctl("import", raw, "--missing", "injection")
+    assert code == 2
+    assert "change the case that is written; give --out too" in err
 
 
 def test_every_limit_that_the_start_exceeds_is_listed(files):

@@ -55,10 +55,18 @@ def reference():
         found["load_controller" if module == "stabctl.io.control_files" else name] = one
         for own, member in vars(one).items() if inspect.isclass(one) else ():
             method = getattr(one, own) if isinstance(member, verb) else getattr(member, "__func__", member)
-            if own[0] != "_" and inspect.isfunction(method) and interface.where(method) not in seen:
+            if own[0] == "_" or not inspect.isfunction(method) or _of_base(one, own, method):
+                continue
+            if interface.where(method) not in seen:
                 seen.add(interface.where(method))
                 found[f"{name}.{own}"] = method
     return found
+
+
+def _of_base(one, name, method):
+    """Whether a method is described by the class below it, and needs a sentence only."""
+    described = (getattr(vars(base).get(name), "__doc__", None) or "" for base in one.__mro__[1:])
+    return "\n" not in method.__doc__ and any("Parameters\n" in text for text in described)
 
 
 def parameters(one):

@@ -209,7 +209,7 @@ WRONG = {
     "reference": lambda p: run_of_every_event().table("angle", angle_reference=99),
     "plot": lambda p: run_of_every_event().plot("speed", "angle"),
     "rate": lambda p: st.Pmu(61),
-    "loss": lambda p: st.Pmu(loss=0.7),
+    "loss": lambda p: st.Pmu(loss=0.7, burst=2.0),
     "jump": lambda p: st.BadPmu(3, 1.0, jump="400deg"),
     "seeds": lambda p: p.estimate(FAULT, seeds=[]),
     "ends": lambda p: p.estimate(FAULT, "0.1s"),

@@ -27,7 +27,7 @@ PAGES = {
     ),
     "control": ("Controllers and storage laws", "Controller Gate BangBang Feedback StorageLaw load_controller"),
     "design": ("Design", "design"),
-    "estimation": ("Estimation", "estimate Estimates EstimatorControl Pmu BadPmu"),
+    "estimation": ("Estimation", "estimate Estimates EstimatorControl Pmu BadPmu ProcessNoise"),
     "placement": ("Placement", "place Siting Costs SiteOption"),
 }  # stem -> title, names
 RESULTS = {

@@ -126,7 +126,7 @@ def plot_screen(found: Screen, *, most: int = 25, ax: "Axes | None" = None) -> "
     """
     shown = found.pairs[:most]
     ax = single(ax, 7, 1.2 + 0.25 * max(len(shown), 1))
-    cycles = [_cycles(p, found.search.limit_cycles) for p in shown]
+    cycles = [p.reach_cycles for p in shown]
     open_ended = [p.status == "stable_at_limit" for p in shown]
     bars = ax.barh(range(len(shown)), cycles, 0.7, color=[GRAY if o else COLORS[0] for o in open_ended])
     for bar, p in zip(bars, shown, strict=True):
@@ -138,11 +138,6 @@ def plot_screen(found: Screen, *, most: int = 25, ax: "Axes | None" = None) -> "
     ax.set_xlabel(LABEL)
     ax.set_title(f"{found.case}: {len(shown)} of {found.screened} faults", fontsize="medium")
     return ax
-
-
-def _cycles(pair: ClearingTime, limit: float) -> float:
-    """Length of a bar."""
-    return limit if pair.status == "stable_at_limit" else pair.cycles or 0.0
 
 
 def _note(pair: ClearingTime) -> str:

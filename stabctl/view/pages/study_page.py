@@ -89,7 +89,7 @@ def _numbers(study: Study) -> Iterator[tuple[str, str]]:
     if study.margins:
         yield f"{study.margins[0].cycles:+g}", "cycles, the smallest margin"
         yield f"{len(study.insecure)} of {len(study.margins)}", "contingencies not survived"
-    if study.modes is not None and (worst := study.modes.least_damped()):
+    if study.modes is not None and (worst := study.oscillations):
         yield f"{100 * study.modes.damping_ratio[worst[0]]:.2f} %", "damping ratio of the least damped oscillation"
     if study.low_or_high:
         yield str(len(study.low_or_high)), "buses with a voltage outside the normal range"
