@@ -155,9 +155,12 @@ class Modes(Tabular):
 
     @cached_property
     def shares(self) -> np.ndarray:
-        """Magnitudes of the participation factors (states, modes), each column scaled to a sum of 1."""
+        """Magnitudes of the participation factors (states, modes), each column scaled to a sum of 1.
+
+        0 of an eigenvalue whose left and right vectors are orthogonal: it lacks a vector.
+        """
         size = np.abs(self.participation)
-        return size / size.sum(axis=0)
+        return size / np.maximum(size.sum(axis=0), np.finfo(float).tiny)
 
     @cached_property
     def speeds(self) -> np.ndarray:

@@ -81,7 +81,7 @@ class Nonlinearity:
     def third(self, A: float) -> float:
         """Third harmonic of the output over its fundamental, for the amplitude A of the input."""
         harmonics = np.abs(np.fft.rfft(self.output(A * np.sin(2 * np.pi * (np.arange(4096) + 0.5) / 4096))))
-        return float(harmonics[3] / harmonics[1])
+        return float(harmonics[3] / harmonics[1]) if harmonics[1] else 1.0  # pulses narrower than a sample
 
     def grid(self) -> np.ndarray:
         """Amplitudes from the smallest with an effect to far beyond the limits, dense above the deadband."""

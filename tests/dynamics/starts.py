@@ -33,6 +33,7 @@ DAMAGE = {
 }
 OF_FILES = *DAMAGE, "exchanged", "gone", "a folder", "a link to nothing"
 OF_ALL = "locked", "written to", "full disk", "no cache", "two at once", "other version"
+KINDS = OF_FILES + OF_ALL
 LONG = "stepper", "_newton"  # files that take long to compile
 HEAVY = 0.1  # how often one of them may be damaged
 READS = """
@@ -61,7 +62,7 @@ class Starts:
     """
 
     def __init__(self, folder, seed):
-        self.folder, self.rng = Path(folder), random.Random(seed)
+        self.folder, self.rng, self.left = Path(folder), random.Random(seed), []
         self.whole = self.folder / "whole"
         self.start(None).communicate()
         self.copy_what_is_read()
@@ -105,12 +106,12 @@ class Starts:
 
     def damaged(self, number):
         """The kind of damage of a start and what it answered instead; None if it is as wanted."""
-        cache = self.folder / f"start{number}"
+        self.left = self.left or self.rng.sample(KINDS, len(KINDS))  # each of them before any comes again
+        kind, cache = self.left.pop(), self.folder / f"start{number}"
         shutil.copytree(self.whole, cache)
         files = sorted(file for file in cache.rglob("*.obj"))
         light = [file for file in files if not file.name.startswith(LONG)] or files
         chosen = self.rng.sample(files if self.rng.random() < HEAVY else light, self.rng.randint(1, 3))
-        kind = self.rng.choice(OF_FILES if self.rng.random() < 0.75 else OF_ALL)
         if kind in OF_FILES:
             for file in chosen:
                 self.damage(file, kind, files)

@@ -63,3 +63,10 @@ def test_the_relay_just_above_its_deadband():
 
 def test_the_third_harmonic_of_a_relay_without_deadband_is_a_third():
     assert SHAPES["relay"].third(1.0) == pytest.approx(1 / 3, rel=1e-5)
+
+
+@pytest.mark.parametrize("above", [1e-4, 1e-9])
+def test_of_narrow_pulses_all_harmonics_are_equal(above):
+    """Just above a deadband; at 1e-9 they are narrower than a sample."""
+    for shape in (Nonlinearity(0.2, 0.5, True), Nonlinearity(0.2, np.inf, False)):
+        assert shape.third(0.2 * (1 + above)) == pytest.approx(1, rel=2e-3)  # 5e-4

@@ -69,6 +69,8 @@ def test_derivatives_of_every_device(name):
         upper = [k for k in range(len(modes)) if modes.eigenvalues[k].imag > 1e-3]  # equal washouts are a double pole
         if upper:
             assert agrees(of, upper[0], rows=4)
+        whole = modes.shares.sum(axis=0)
+        assert ((np.abs(whole - 1) < 1e-9) | (whole == 0)).all()  # 0 of equal lags in a row, as in dera1
 
 
 def test_all_inertias_together(point):
