@@ -10,7 +10,7 @@ from stabctl.clearing import Search, Trial, screen
 from stabctl.controllers import BangBang, StorageLaw
 from stabctl.design import LawLimits, law
 from stabctl.design.law import LawSearch, no_stable_limit_cycle, spread, training_contingencies
-from stabctl.design.law_measurement import LAW, Bench, Measurement, later, measured, measurement_task
+from stabctl.design.law_measurement import LAW, Bench, Measurement, later, from_row, measurement_task
 from stabctl.design.law_result import parameters
 from stabctl.io.control_files import load
 from stabctl.jobs import Runner
