@@ -224,9 +224,11 @@ class ClearingTime(Tabular):
 
     def window(self) -> str:
         """A sentence on the stable clearing times above the lowest unstable one; empty if there are none."""
+        if not self.stable_above:
+            return ""
         again = ", ".join(f"{cycles:g}" for cycles in self.stable_above[:8])
         least = f"unstable at {self.lowest_unstable:g} cycles, the lowest unstable time found"
-        return f"Stability is not monotone: {least}, and stable again at {again} cycles." if again else ""
+        return f"Stability is not monotone: {least}, and stable again at {again} cycles."
 
     def stall(self) -> str:
         """A sentence on motor loads that have stalled in the longest stable run; empty if there are none."""

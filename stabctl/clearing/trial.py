@@ -99,6 +99,7 @@ class Search:
         hz = case.frequency_hz
         grid, last = cycles(resolution, hz), cycles(limit, hz)
         h = None if step is None else seconds(step, hz)
+        last = math.floor(last / grid + 1e-9) * grid if 0 < grid <= last < math.inf else last  # a point of the grid
         observed, most, rules = seconds(observe, hz), seconds(longest, hz), checked(criterion, hz)
         reach = None if scan == AUTO else cycles(scan, hz)
         found = cls(grid, last, observed, h, rules, scan_cycles=reach, longest_s=most)

@@ -421,8 +421,11 @@ def checked_limits(name: str, value: Any) -> tuple[float, float]:
     """The lowest and the highest output; a number stands for both, the lowest negative."""
     try:
         low, high = (-abs(value), abs(value)) if isinstance(value, int | float) else value
-        return float(low), float(high)
+        low, high = float(low), float(high)
     except (TypeError, ValueError):
         raise StudyError(
             f"{name}: limits = {shown(value)} is not allowed; give (-0.1, 0.1), or 0.1 for both."
         ) from None
+    if low == high == 0:
+        raise StudyError(f"{name}: with limits of 0 the output is always 0; give others, or leave the controller out.")
+    return low, high

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stabctl._util.errors import StudyError, shown
+from stabctl.model import naming
 
 from .bang_bang import BangBang
 from .controller import Controller
@@ -32,7 +33,7 @@ def controllers(law: Law, case: "Case") -> tuple[Controller, ...]:
     if not hasattr(case, "storage") or not hasattr(case, "frequency_hz"):
         raise StudyError(f"{shown(case)} is not a case; give st.load(...), or the case of an operating point.")
     hz, made = case.frequency_hz, []
-    for device in case.storage:
+    for name, device in zip(naming.keys(case, "storage"), case.storage, strict=True):
         group = next((g for g in inner.groups if device.machine in g), (device.machine,))
         of = "+".join(map(str, group))
         inputs, gains, deadband = [f"deviation:{of}"], [1.0], 0.0
@@ -54,7 +55,7 @@ def controllers(law: Law, case: "Case") -> tuple[Controller, ...]:
         else:
             raise StudyError(f"{type(inner).__name__} has no counterpart in a controller; use it as a law.")
         gate = Gate(f"voltage:{device.bus}", low=inner.min_voltage) if inner.min_voltage else None
-        outputs, D, n = (f"order:{device.machine}@{device.bus}",), np.array([gains]), len(inputs)
+        outputs, D, n = (f"order:{name}",), np.array([gains]), len(inputs)
         no_states = np.zeros((0, 0)), np.zeros((0, n)), np.zeros((1, 0))
         options: dict[str, Any] = {
             "rate": rate,
@@ -63,8 +64,9 @@ def controllers(law: Law, case: "Case") -> tuple[Controller, ...]:
             "relay": inner.relay,
             "gate": gate,
         }
-        name = f"law {device.machine}@{device.bus}"
-        made.append(Controller(tuple(inputs), outputs, *no_states, D, name=name, limits=(-1.0, 1.0), **options))
+        made.append(
+            Controller(tuple(inputs), outputs, *no_states, D, name=f"law {name}", limits=(-1.0, 1.0), **options)
+        )
     return tuple(made)
 
 

@@ -55,6 +55,8 @@ class Gate:
                 raise StudyError(f"gate: {key} = {shown(value)} is not a number.")
         if not self.low < self.high or not self.start < self.end:
             raise StudyError("gate: the gate is never open; give low < high and start < end.")
+        if self.signal is None and (self.low > -math.inf or self.high < math.inf or self.magnitude):
+            raise StudyError("gate: low, high and magnitude are those of a signal; give one, such as 'voltage:7'.")
 
 
 def duration(key: str, value: Any) -> float:

@@ -22,6 +22,7 @@ from stabctl.clearing import Screen
 from stabctl.clearing.critical_time import LONGEST
 from stabctl.clearing.trial import Search, Trial
 from stabctl.controllers import BangBang, Law, SampledLaw, StorageLaw
+from stabctl.controllers.timing import duration
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.jobs import Runner
 from stabctl.model.case import Case
@@ -130,6 +131,8 @@ def law(
     began, limits = time.perf_counter(), LawLimits() if limits is None else limits
     if not isinstance(limits, LawLimits):
         raise StudyError(f"limits = {shown(limits)} are not limits of a law; give LawLimits(...).")
+    if rate is None and duration("delay", delay):
+        raise StudyError(f"delay = {shown(delay)} is that of a sampled law; give a rate too: rate=60, for example.")
     point = operating_point(base, storage)
     search = Search.of(
         point.case,

@@ -265,6 +265,8 @@ def optimum(
         raise StudyError(f"There is no clearing time to increase: {first.brief()}; give another contingency or limit.")
     scheduled = Scheduled(trial, law, rate, max(1, round(length * rate)))
     most = math.inf if energy is None else megawatt_hours(energy)
+    if not most > 0:
+        raise StudyError(f"energy = {shown(energy)} is not allowed; give more than 0.")
     schedules = ScheduleSearch(scheduled, _bounds(point, most), progress)
     schedules.begin(round(first.cycles / search.resolution_cycles))
     schedules.go(iterations)

@@ -121,7 +121,9 @@ def gep(base: "Case | OperatingPoint", machine: int, *, others: Others = "held")
     """
     if others not in ("held", "free"):
         raise StudyError(f"others = {shown(others)} is not allowed; choose 'held' or 'free'.")
-    model = linearize(operating_point(base), f"vs:{machine}", f"pe:{machine}")
+    point = operating_point(base)
+    machine = point.case.machine(machine).machine
+    model = linearize(point, f"vs:{machine}", f"pe:{machine}")
     return held(model, machine, 0, others)
 
 

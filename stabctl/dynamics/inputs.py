@@ -11,6 +11,7 @@ import numpy as np
 from stabctl._util.errors import StudyError
 from stabctl.devices.loads import zip_load
 from stabctl.devices.sensors import bus_frequency, rocof
+from stabctl.model import naming
 
 from . import adder, drawn, family, storage
 from .extension import Extension
@@ -127,7 +128,7 @@ def place(point: OperatingPoint, signal: Signal) -> int:
     """
     case = point.case
     if signal.kind in OF_STORAGE:
-        row = [f"{s.machine}@{s.bus}" for s in case.storage].index(str(signal.place))
+        row = naming.row(case, "storage", str(signal.place))
         at = int(getattr(storage.places(point.system, case), signal.kind)[row])
         if at < 0:
             raise StudyError(

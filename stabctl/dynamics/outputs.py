@@ -8,7 +8,7 @@ import numpy as np
 
 from stabctl._util.errors import StudyError, shown
 from stabctl.devices.sensors import line_power
-from stabctl.model import network
+from stabctl.model import naming, network
 from stabctl.model.location import circuit
 
 from . import storage
@@ -46,7 +46,7 @@ def given(kind: str) -> bool:
 def place(point: OperatingPoint, signal: Signal) -> int:
     """Place in s of a signal that a device gives. Raises `StudyError` if there is none."""
     if signal.kind in OF_DEVICE:
-        row = [f"{s.machine}@{s.bus}" for s in point.case.storage].index(str(signal.place))
+        row = naming.row(point.case, "storage", str(signal.place))
         return int(getattr(storage.places(point.system, point.case), OF_DEVICE[signal.kind])[row])
     if signal.kind in OF_SENSOR:
         return sensor(point, signal.kind, signal.number)

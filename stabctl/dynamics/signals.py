@@ -123,7 +123,7 @@ def _labelled(case: Case, label: str, kinds: Mapping[str, Kind]) -> Signal | Non
 def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]:
     """Every machine, bus, circuit or device that has a signal of this kind."""
     if kind.place == "device":
-        return [f"{s.machine}@{s.bus}" for s in case.storage]
+        return naming.keys(case, "storage")
     if name == "storage":
         return list(dict.fromkeys(m.storage_bus for m in case.machines))
     if name in ("load_p", "load_q"):
@@ -170,7 +170,7 @@ def _signal(case: Case, name: str, kind: Kind, place: int | Place | None) -> Sig
         circuit(case, place := read(case, str(place)))
     elif kind.place == "device":
         place = _device(case, str(place))
-        if name == "charge" and not next(s for s in case.storage if f"{s.machine}@{s.bus}" == place).energy:
+        if name == "charge" and not case.storage[naming.row(case, "storage", place)].energy:
             raise StudyError(f"The capacity of the storage device {place} is unlimited, so it has no state of charge.")
     elif kind.place == "group":
         place = _group(case, name, str(place))
@@ -199,11 +199,10 @@ def _group(case: Case, name: str, text: str) -> int | str:
 
 
 def _device(case: Case, text: str) -> str:
-    """A storage device, machine@bus; the machine alone is enough if it has only one."""
+    """A storage device, machine@bus, the second one there machine@bus#2; the machine alone if it has only one."""
     if not case.storage:
         raise StudyError(f"{case.name} has no storage devices; give storage='50MW', for example.")
-    device = case.storage[naming.row(case, "storage", text)]
-    return f"{device.machine}@{device.bus}"
+    return str(naming.keys(case, "storage")[naming.row(case, "storage", text)])
 
 
 def _belongs(case: Case, name: str, number: int) -> None:

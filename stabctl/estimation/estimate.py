@@ -2,9 +2,10 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from numbers import Integral
 from typing import Any
 
-from stabctl._util.errors import StudyError
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import seconds
 from stabctl.controllers import BangBang
 from stabctl.dynamics.operating_point import Fleet, OperatingPoint, operating_point
@@ -33,7 +34,7 @@ def estimate(
     control: Control | EstimatorControl = None,
     estimator: EstimatorName = "kalman",
     pmu: Pmu | None = None,
-    seeds: int | Iterable[int] = 1,
+    seeds: int | Iterable[int] | None = None,
     step: str | float | None = None,
     criterion: Criterion = DEFAULT,
     record: bool = True,
@@ -57,8 +58,8 @@ def estimate(
         How the speeds are estimated.
     pmu : Pmu, optional
         Rate, noise, latency and losses of the PMUs.
-    seeds : int or iterable of int
-        Seeds of noise and losses; each gives a simulation of its own.
+    seeds : int or iterable of int, optional
+        Seeds of noise and losses; each gives a simulation of its own. By default that of the `EstimatorControl`, or 1.
     step, criterion
         As in `simulate`.
     record : bool
@@ -85,9 +86,10 @@ def estimate(
     events = timed_events(point.case, contingency, end)
     last = max((event.at for event in events), default=0.0)
     chosen = _control(control, estimator, pmu)
-    seeds = (seeds,) if isinstance(seeds, int) else tuple(seeds)
-    if not seeds or not all(isinstance(seed, int) and seed >= 0 for seed in seeds):
-        raise StudyError(f"seeds = {seeds!r} is not allowed; give one or more whole numbers of at least 0.")
+    given = chosen.seed if seeds is None else seeds
+    seeds = tuple(given) if isinstance(given, Iterable) else (given,)
+    if not seeds or not all(isinstance(seed, Integral) and seed >= 0 for seed in seeds):
+        raise StudyError(f"seeds = {shown(given)} is not allowed; give one or more whole numbers of at least 0.")
     h = None if step is None else seconds(step, hz)
     rules = checked(criterion, hz)
     system = setup(point, chosen, step=h, criterion=rules)

@@ -2,9 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field
-from typing import get_args
+from math import inf
+from typing import Annotated, get_args
+
+from annotated_types import Ge
 
 from stabctl._util.errors import StudyError, shown
+from stabctl._util.validation import guard
 from stabctl._util.verbs import verb
 from stabctl.controllers import BangBang, Law, SampledLaw
 from stabctl.controllers.controller import Controller
@@ -54,7 +58,7 @@ class EstimatorControl:
     estimator: EstimatorName = "kalman"
     pmu: Pmu = field(default_factory=Pmu)
     _: KW_ONLY
-    seed: int = 1
+    seed: Annotated[int, "-", "seed of noise and losses", Ge(0)] = 1
     engine: Engine = "batched"
     process: ProcessNoise = USUAL_NOISE
     inertia_factor: float | tuple[float, ...] = 1.0
@@ -62,6 +66,7 @@ class EstimatorControl:
     check_pmus: bool = False
 
     def __post_init__(self) -> None:
+        guard(self)
         if isinstance(self.control, list):
             object.__setattr__(self, "control", tuple(self.control))
         for one in self._several:
@@ -75,6 +80,15 @@ class EstimatorControl:
             raise StudyError("An EstimatorControl takes one storage law, or controllers; give only one law.")
         if not isinstance(self.pmu, Pmu):
             raise StudyError(f"pmu = {shown(self.pmu)} does not describe PMUs; give Pmu(...).")
+        if not isinstance(self.process, ProcessNoise):
+            raise StudyError(f"process = {shown(self.process)} is no process noise; give ProcessNoise(...).")
+        if not isinstance(self.check_pmus, bool):
+            raise StudyError(f"check_pmus = {shown(self.check_pmus)} is not allowed; give True or False.")
+        for name in ("inertia_factor", "reactance_factor"):
+            given = getattr(self, name)
+            several = given if isinstance(given, Sequence) and not isinstance(given, str) else (given,)
+            if not all(isinstance(k, int | float) and not isinstance(k, bool) and 0 < k < inf for k in several):
+                raise StudyError(f"{name} = {shown(given)} is not allowed; give numbers above 0.")
         for name, allowed in (("estimator", EstimatorName), ("engine", Engine)):
             if getattr(self, name) not in get_args(allowed):
                 raise StudyError(

@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Interval
 
 from stabctl._util.errors import StudyError, shown
+from stabctl._util.validation import guard
 from stabctl.dynamics import family
 from stabctl.dynamics.assembly import INFINITE
 from stabctl.dynamics.operating_point import OperatingPoint, source_admittances
@@ -15,13 +17,15 @@ from stabctl.simulation.simulation import Simulation
 from ._swing import GOVERNOR
 
 Factor = float | tuple[float, ...]
+AMOUNT = Interval(ge=0, le=1e3)
 REACTANCES = ("x2", "x1d")  # behind which the internal voltage is formed: x'' where the machine has one, else x'd
 FLUX = ("xl", "xd", "xq", "x1q", "x2", "T1q", "T2q", "S10", "S12", "speed_factor")  # of the q axis of GENROU
 
 SALIENT = dict.fromkeys(("x1q", "T1q", "S10", "S12", "speed_factor"), 0.0)  # with one damper circuit: x'q = xq
 
 
-class ProcessNoise(NamedTuple):
+@dataclass(frozen=True)
+class ProcessNoise:
     """What the filters assume about a machine beyond the noise of its phasors: with more, they trust its data less.
 
     Parameters
@@ -39,9 +43,12 @@ class ProcessNoise(NamedTuple):
     >>> st.load("two_area").estimate(st.Contingency("7", clear="6cyc"), "2s", storage="50MW", control=doubtful).stable
     """
 
-    walk: float = 0.005
-    share: float = 0.01
-    jerk: float = 0.05
+    walk: Annotated[float, "-", "random walk of the power reference", AMOUNT] = 0.005
+    share: Annotated[float, "-", "error of the swing equation", AMOUNT] = 0.01
+    jerk: Annotated[float, "-", "noise of the acceleration", AMOUNT] = 0.05
+
+    def __post_init__(self) -> None:
+        guard(self)
 
 
 USUAL_NOISE = ProcessNoise()

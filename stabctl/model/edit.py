@@ -326,6 +326,7 @@ def trip_machine(case: Case, number: int) -> Case:
     [1, 2]
     """
     machine = case.machine(number)
+    number = machine.machine
     machines = tuple(m for m in case.machines if m is not machine)
     buses = case.buses
     if machine.bus not in {m.bus for m in machines}:

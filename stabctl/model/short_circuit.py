@@ -3,6 +3,7 @@
 The faults are three-phase and bolted, at 1 pu, fed by the synchronous machines.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -78,7 +79,7 @@ class ShortCircuit(Tabular):
         return f"short-circuit power of {self.case.name}: from {' to '.join(ends)}"
 
 
-def short_circuit(base: Any, *, trip: str | None = None) -> ShortCircuit:
+def short_circuit(base: Any, *, trip: str | Iterable[str] | None = None) -> ShortCircuit:
     """Compute the short-circuit power S = 1/|Z_kk| of every bus.
 
     Z is the impedance matrix of the network with every synchronous machine as its subtransient (classical machines:
@@ -90,7 +91,7 @@ def short_circuit(base: Any, *, trip: str | None = None) -> ShortCircuit:
     ----------
     base : Case or OperatingPoint
         The system.
-    trip : str, optional
+    trip : str or iterable of str, optional
         Circuits that are open: "7-8", "7-8#2, 8-9".
 
     Returns
@@ -181,7 +182,7 @@ class ShortCircuitRatio(Tabular):
         )
 
 
-def short_circuit_ratio(base: Any, *, trip: str | None = None) -> ShortCircuitRatio:
+def short_circuit_ratio(base: Any, *, trip: str | Iterable[str] | None = None) -> ShortCircuitRatio:
     """Compute the short-circuit ratios of all converters: those of units, and storage devices.
 
     SCR_k = S_k / P_k with the short-circuit power S_k of the bus without any converter and the rating P_k in MVA;
@@ -195,7 +196,7 @@ def short_circuit_ratio(base: Any, *, trip: str | None = None) -> ShortCircuitRa
     ----------
     base : Case or OperatingPoint
         The system.
-    trip : str, optional
+    trip : str or iterable of str, optional
         Circuits that are open: "7-8", "7-8#2, 8-9".
 
     Returns
@@ -238,7 +239,9 @@ def installed(case: Case) -> list[tuple[str, int, float]]:
     return found + [(f"ESD {s.machine}@{s.bus}", s.bus, s.mva or s.rating) for s in case.storage if s.rating > 0]
 
 
-def impedances(case: Case, trip: str | None = None, buses: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+def impedances(
+    case: Case, trip: str | Iterable[str] | None = None, buses: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Diagonal (buses) of the impedance matrix and its columns at some buses (buses, chosen), pu; see `short_circuit`.
 
     Parameters
@@ -253,7 +256,7 @@ def impedances(case: Case, trip: str | None = None, buses: np.ndarray | None = N
     from scipy.sparse import diags
     from scipy.sparse.linalg import splu
 
-    names = [name for name in naming.listed(trip or "") if name]
+    names = [name for name in (naming.listed(trip) if isinstance(trip, str) else trip or ()) if name]
     net = network.build(case)
     switching = network.without(circuit(case, name)[0] for name in names)
     sources = source_admittances(case, net)

@@ -244,7 +244,7 @@ def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siti
     rows = table(trials, best, times, others, study.tolerance or USUAL)
     survived = _survived(trials, best, times)
     mva, uses = evidence.mva(trials, best), evidence.used(trials, best)
-    places = study.possible.candidates
+    places, price = study.possible.candidates, study.possible.prices.of_a_mw
     built = []
     for i in (int(i) for i in np.argsort(-best) if best[i] > 0):
         site = Site(places[i].bus, places[i].machine, float(best[i]), float(found.energy[i]), float(mva[i]))
@@ -255,6 +255,7 @@ def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siti
         costs=study.costs,
         cost=planes.cost,
         lower_bound=planes.bound,
+        lower_bound_mw=planes.bound / price if planes.bound is not None and price else None,
         uniform_mw=None if even is None else float(even.sum()),
         uniform_percent=None if even is None else float(100 * (even / study.possible.mva).max()),
         linear_mw=None if found.linear is None else float(found.linear.sum()),
@@ -284,8 +285,8 @@ def _check(costs: Costs, sites: int | None) -> None:
         if not 0 <= value < np.inf:
             unit = {"mw": "MW", "mwh": "MWh"}.get(name, name)
             raise StudyError(f"The cost of {value:g} per {unit} is not allowed; it must be finite and at least 0.")
-    if sites is not None and sites < 1:
-        raise StudyError(f"sites = {sites} is not allowed; it must be at least 1.")
+    if sites is not None and (isinstance(sites, bool) or not isinstance(sites, int) or sites < 1):
+        raise StudyError(f"sites = {shown(sites)} is not allowed; it must be a whole number of at least 1.")
 
 
 def share(tolerance: str | float | None) -> float | None:

@@ -60,6 +60,12 @@ class Prices(NamedTuple):
         """Price of a MW (candidates) that needs so many MWh per MW."""
         return self.mw + self.mwh * hours
 
+    @property
+    def of_a_mw(self) -> float | None:
+        """Price of a MW, if it is the same everywhere and nothing else has a price."""
+        alike = (self.mw == self.mw[0]).all() and not self.mwh.any() and not self.site.any()
+        return float(self.mw[0]) or None if alike else None
+
     def affordable(self, mw: np.ndarray, cost: float) -> float:
         """The largest multiple of a fleet (candidates, MW) that costs no more, without its energy."""
         of_sizes, of_sites = float(self.mw @ mw), float(self.site @ (mw > 0))
@@ -145,7 +151,7 @@ def _option(given: object) -> SiteOption:
     if isinstance(given, int) and not isinstance(given, bool):
         return SiteOption(given)
     if isinstance(given, tuple) and len(given) == 2:
-        return SiteOption(int(given[1]), int(given[0]))
+        return SiteOption(given[1], given[0])
     raise StudyError(f"{shown(given)} is not a candidate; give a bus, (machine, bus) or a SiteOption.")
 
 

@@ -34,6 +34,8 @@ class Siting(Tabular):
         Cost of the fleet.
     lower_bound : float or None
         Lower bound of the cost, estimated from the cutting planes; None if the solver failed.
+    lower_bound_mw : float or None, MW
+        The same in MW, if a MW costs the same everywhere and nothing else has a cost.
     uniform_mw, uniform_percent : float or None, MW and percent of machine MVA
         Smallest uniform fleet that survives everything; None if there is none within the caps.
     linear_mw : float or None, MW
@@ -96,6 +98,7 @@ class Siting(Tabular):
     targets: str = ""
     tolerance: float | None = None
     criteria: str = ""
+    lower_bound_mw: float | None = None
 
     plot = verb("stabctl.view.figures.siting:plot")
     report = verb("stabctl.view.pages.siting_page:write")
@@ -119,12 +122,6 @@ class Siting(Tabular):
     def total_mwh(self) -> float:
         """Megawatt-hours of the fleet."""
         return sum(s.mwh for s in self.sites)
-
-    @property
-    def lower_bound_mw(self) -> float | None:
-        """The estimated lower bound in MW, if only megawatts have a cost."""
-        priced = self.costs.site or self.costs.mwh
-        return None if priced or self.lower_bound is None else self.lower_bound / self.costs.mw
 
     @property
     def percent_of_uniform(self) -> float | None:

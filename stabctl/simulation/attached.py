@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from stabctl._util.errors import StudyError
+from stabctl._util.errors import StudyError, shown
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.realization import Matrices, anti_windup
 from stabctl.devices.sensors import bus_angle, bus_voltage, line_current, line_power
@@ -46,6 +46,7 @@ class Called:
     reads: np.ndarray
     units: np.ndarray  # (inputs) the unit that an input belongs to, -1: none
     held: slice
+    gates: np.ndarray  # places of the flags, all above 0 while the gate is open
 
 
 @dataclass(frozen=True)
@@ -93,13 +94,21 @@ def resized(point: OperatingPoint, ratings: Iterable[float]) -> OperatingPoint:
     return new
 
 
+def _opening(point: OperatingPoint, signal: str) -> Signal:
+    """The one signal of a gate."""
+    found = chosen(point.case, [signal], OUTPUTS)
+    if len(found) != 1:
+        raise StudyError(f"gate: {shown(signal)} are {len(found)} signals; give one, such as {found[0].name}.")
+    return found[0]
+
+
 class _Attachment:
     """Adds controllers one after the other."""
 
     def __init__(self, point: OperatingPoint, true: Sequence[Named], behind: Sequence[Named]) -> None:
         controllers = [*true, *behind]
         gates_of = [c.controller.gate for c in controllers]
-        opening = [chosen(point.case, [g.signal], OUTPUTS)[0] if g and g.signal else None for g in gates_of]
+        opening = [_opening(point, g.signal) if g and g.signal else None for g in gates_of]
         read = [s for c in true for s in c.inputs] + [g for g in opening if g is not None]
         drawn = [s for c in controllers for s in c.outputs if s.kind in DRAWN]
         self.base = extended(point, drawn, read)
@@ -109,7 +118,7 @@ class _Attachment:
         self.rates = tuple(sorted(r for r in rates if r))
         self.sensors = _Sensors(self.base, self.more)
         self.ports: dict[Signal, list[tuple[int, int, int]]] = {}
-        self.called: list[tuple[Named, list[int], int]] = []
+        self.called: list[tuple[Named, list[int], int, list[int]]] = []
         self.windows: list[tuple[int, float, float]] = []
         self.flags: list[int] = []
         self.measured: list[tuple[Named, list[int]]] = []
@@ -135,13 +144,14 @@ class _Attachment:
         own = [f.device.fastest(k) for f in point.system.families if f.device.fastest is not None for k in f.k]
         point = replace(point, fastest=max([point.fastest, *own]))
         called = []
-        for c, reads, held in self.called:
-            at, units = np.array([final(r) for r in reads], int), np.array(self._units(c), int)
-            called.append(Called(c, at, units, slice(final(held), final(held) + len(c.outputs))))
+        for c, reads, held, flags in self.called:
+            at, open_at = (np.array([final(place) for place in places], int) for places in (reads, flags))
+            held_at = slice(final(held), final(held) + len(c.outputs))
+            called.append(Called(c, at, np.array(self._units(c), int), held_at, open_at))
         windows = tuple((final(at), start, end) for at, start, end in self.windows)
         measured = tuple(Measured(c, np.array([final(r) for r in reads], int)) for c, reads in self.measured)
-        flags = tuple(final(at) for at in self.flags)
-        return Attached(point, tuple(self.controllers), self.rates, tuple(called), windows, measured, flags)
+        gates_at = tuple(final(at) for at in self.flags)
+        return Attached(point, tuple(self.controllers), self.rates, tuple(called), windows, measured, gates_at)
 
     def _add(self, c: Named, opening: Signal | None) -> None:
         what, more, m, p = c.controller, self.more, len(c.inputs), len(c.outputs)
@@ -160,7 +170,7 @@ class _Attachment:
             held = more.memory(p)
             k = self._constants(c, Matrices(NONE, NONE, NONE, np.zeros((p, 0))), 0)
             more.add("frame", frame, [0, 0, 0, owner, *base, opens, window, held, out], [*k, 0, 0.0, -1], what.name)
-            self.called.append((c, reads, held))
+            self.called.append((c, reads, held, [opens, window]))
             return
         matrices = c.matrices
         k = self._constants(c, matrices, m)
@@ -205,9 +215,9 @@ class _Attachment:
         return np.concatenate(parts).tolist()
 
     def _units(self, c: Named) -> list[int]:
-        """The unit of every input, which counts as at rest while that is off; -1 if it belongs to none."""
-        of_unit = [OUTPUTS[s.kind].place in ("machine", "group") for s in c.inputs]
-        return [self.unit[machines(s)[0]] if own else -1 for s, own in zip(c.inputs, of_unit, strict=True)]
+        """The unit of every input, which counts as at rest while that is off; -1 if it belongs to none or several."""
+        of_unit = [machines(s) if OUTPUTS[s.kind].place in ("machine", "group") else () for s in c.inputs]
+        return [self.unit[own[0]] if len(own) == 1 else -1 for own in of_unit]
 
 
 class _Sensors:

@@ -5,7 +5,8 @@
     k: rotors m, a, b, 1 if the mean is of the others, group (m, 0 or 1), inertia (m), unit (m)
     w: -, -, -, unit whose island is meant (-1: all that are on), signals (m), output
 
-Where there are no others, their mean is that of the group.
+While that unit is off, the island of the first of the group that is on is meant. Where there are no others, their mean
+is that of the group.
 """
 
 import numpy as np
@@ -23,6 +24,9 @@ def mean(w, k, s, on, r, c):
     """What one device gives, whose places begin at r and constants at c."""
     m = int(k[c])
     mine = on[w[r + 3]] if w[r + 3] >= 0 else 0
+    for i in range(m):  # the island of another one of the group, if the first is off
+        if mine < 0 and k[c + HEAD + i] > 0:
+            mine = on[int(k[c + HEAD + 2 * m + i])]
     inside, outside = 0.0, 0.0
     own, rest = 0 * s[w[r + 4]], 0 * s[w[r + 4]]
     for i in range(m):

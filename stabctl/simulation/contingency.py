@@ -1,10 +1,8 @@
 """A contingency: a fault, its clearing, and other events."""
 
-import cmath
 import math
 from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass, replace
-from numbers import Complex
 from typing import TYPE_CHECKING
 
 from stabctl._util.errors import StudyError, shown
@@ -13,7 +11,7 @@ from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.location import Circuit, Place, circuit, placed, written
 
-from .events import SHOWN, Clear, Event, Fault, Open, TripMachine, described, event
+from .events import SHOWN, Clear, Event, Fault, Open, TripMachine, checked_impedance, described, event
 from .timeline import timeline
 
 SHORTEST = 1e-6  # s   of a run after its last event
@@ -86,11 +84,11 @@ class Contingency:
         fault = str(self.fault) if isinstance(self.fault, int) and not isinstance(self.fault, bool) else self.fault
         if fault is not None and not isinstance(fault, Place):
             raise StudyError(f"{fault!r} is not a fault location; write 83 for a bus, 7-8 or 7-8@0.4 for a line.")
-        Z = self.impedance
-        if isinstance(Z, bool) or not isinstance(Z, Complex) or not cmath.isfinite(Z):
-            raise StudyError(f"The fault impedance {Z!r} is not a finite number; give it in pu, such as 0.01+0.05j.")
+        checked_impedance(self.impedance)
+        if self.impedance and fault is None:
+            raise StudyError("The impedance is that of a fault, and there is none; give one, or leave impedance out.")
         for name, time in (("clear", self.clear), ("at", self.at)):
-            if not (name == "clear" and time is None) and seconds(time, 60.0) < 0:
+            if not (name == "clear" and time is None) and seconds(time, 60.0) < 0:  # type: ignore[arg-type]
                 raise StudyError(f"{name} = {time:g} s is negative; give a time of at least 0.")
         object.__setattr__(self, "fault", written(fault))
         object.__setattr__(self, "trip", _circuits(self.trip))
@@ -256,7 +254,7 @@ class Contingency:
         """
         events: list[Event] = []
         end = begin + duration
-        if self.fault is not None and duration > 0:
+        if self.fault is not None and duration > 1e-9:
             events.append(Fault(self.fault, begin, self.impedance))
             if isinstance(self.fault, str):
                 events.append(Clear(self.fault, end))

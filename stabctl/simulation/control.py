@@ -173,8 +173,12 @@ class Frames:
         what = called.named.controller
         self._called, self._what, self._simulation = called, what, simulation
         self._law: Callable[..., Any] = what.law() if isinstance(what.law, type) else what.law  # type: ignore[assignment]
-        self._x = np.array(what.start, float)
-        self._late = [np.zeros(called.held.stop - called.held.start)] * what.frames
+        self._rest()
+
+    def _rest(self) -> None:
+        """States as at the start, and nothing on its way."""
+        self._x = np.array(self._what.start, float)
+        self._late = [np.zeros(self._called.held.stop - self._called.held.start)] * self._what.frames
 
     def __call__(self) -> None:
         """One frame."""
@@ -182,6 +186,10 @@ class Frames:
         if simulation.outcome is not None:
             return
         s = simulation.at_frame()
+        if (s[self._called.gates] <= 0).any():
+            self._rest()
+            s[self._called.held] = 0.0
+            return
         values, units, island = s[self._called.reads] - named.rest, self._called.units, simulation.island
         if island.min() < 0:
             values[(units >= 0) & (island[units] < 0)] = 0.0  # of a machine that is off

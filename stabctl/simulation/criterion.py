@@ -105,6 +105,10 @@ def checked(criterion: object, frequency_hz: float) -> Criterion:
             f"The frequency range {frequency_range(made, frequency_hz)} is not allowed; it must include the rated "
             f"{frequency_hz:g} Hz."
         )
+    if not made.slowest < 1 < made.fastest:
+        raise StudyError(
+            f"The speed range {made.slowest:g} to {made.fastest:g} pu is not allowed; it must include the rated 1 pu."
+        )
     return made
 
 

@@ -3,12 +3,13 @@
 As text, `7-8@1s` opens a circuit, `14@2s` trips a machine, and `7:+50MW@1s` adds to a load.
 """
 
+import cmath
 import re
 from dataclasses import dataclass, replace
-from numbers import Real
+from numbers import Complex, Real
 from typing import Any, Literal
 
-from stabctl._util.errors import StudyError
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import megavars, megawatts, seconds
 from stabctl.model.location import Place, written
 from stabctl.model.naming import parse_circuit
@@ -26,7 +27,11 @@ class _Timed:
 
     def __post_init__(self) -> None:
         for name in {"place", "branch"} & vars(self).keys():
-            object.__setattr__(self, name, written(getattr(self, name)))
+            given = getattr(self, name)
+            place = str(given) if isinstance(given, int) and not isinstance(given, bool) else given
+            if not isinstance(place, Place):
+                raise StudyError(f"{shown(given)} is not a location; write 83 for a bus, 7-8 or 7-8@0.4 for a line.")
+            object.__setattr__(self, name, written(place))
         if not isinstance(self.at, Real) or isinstance(self.at, bool):
             seconds(self.at, 60.0)
 
@@ -54,6 +59,16 @@ class Fault(_Timed):
     place: Place
     at: float
     impedance: complex = 0j
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        checked_impedance(self.impedance)
+
+
+def checked_impedance(Z: object) -> None:
+    """Raise `StudyError` unless a fault impedance is a finite number."""
+    if isinstance(Z, bool) or not isinstance(Z, Complex) or not cmath.isfinite(Z):
+        raise StudyError(f"The fault impedance {shown(Z)} is not a finite number; give it in pu, such as 0.01+0.05j.")
 
 
 @dataclass(frozen=True)
@@ -159,11 +174,7 @@ class LoadStep(_Timed):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, power, read in (("p", self.p, megawatts), ("q", self.q, megavars)):
-            if not isinstance(power, Real) or isinstance(power, bool):
-                object.__setattr__(self, name, read(power))
-        if self.p == self.q == 0:
-            raise StudyError(f"The load step at bus {self.bus} has no power; give p=50 (MW) or q=20 (Mvar).")
+        _read_powers(self, "p", "q")
 
 
 @dataclass(frozen=True)
@@ -192,6 +203,20 @@ class SwitchShunt(_Timed):
     at: float
     g: float = 0.0
     b: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _read_powers(self, "g", "b")
+
+
+def _read_powers(event: "LoadStep | SwitchShunt", active: str, reactive: str) -> None:
+    """Read active and reactive power of an event that are text; one of them must not be 0."""
+    for name, read in ((active, megawatts), (reactive, megavars)):
+        power = getattr(event, name)
+        if not isinstance(power, Real) or isinstance(power, bool):
+            object.__setattr__(event, name, read(power))
+    if getattr(event, active) == getattr(event, reactive) == 0:
+        raise StudyError(f"The {described(event)} has no power; give {active}=50 (MW) or {reactive}=20 (Mvar).")
 
 
 Event = Fault | Clear | Open | TripMachine | LoadStep | SwitchShunt

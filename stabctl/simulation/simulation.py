@@ -283,9 +283,12 @@ class Simulation:
     def _trip(self, verdict: int) -> None:
         """Trip the machine that ran away or left the frequency range, as its protection would."""
         row = int(self.point.rotors.unit[self._run.notes[NOTE.rotor]])
-        gone = [c.switching._replace(tripped=c.switching.tripped | {row}) for c in self.changes[self._at :]]
-        later = (replace(c, switching=s) for c, s in zip(self.changes[self._at :], gone, strict=True))
-        self.changes = (*self.changes[: self._at], *later)
+        now, *later = (
+            replace(c, switching=c.switching._replace(tripped=c.switching.tripped | {row}))
+            for c in self.changes[self._at :]
+        )
+        self.changes = (*self.changes[: self._at + 1], replace(now, at=self.time), *later)
+        self._at += 1
         self._enter()
         self._run.watch.off[:2, self._run.notes[NOTE.rotor]] = 0.0
         rules, hz = self.setup.criterion, self.point.case.frequency_hz
@@ -293,7 +296,7 @@ class Simulation:
         if verdict == _judgment.FREQUENCY:
             left = f"was outside {frequency_range(rules, hz)} for {rules.frequency_delay_s:g} s at {self.time:.3f} s"
         noun = "Converter" if self.point.rotors.virtual[self._run.notes[NOTE.rotor]] else "Machine"
-        number = self.point.case.machines[row].machine
+        number = self.point.case.machines[row].called
         self._taken_off.append(f"{noun} {number}, alone in its island, {left} and was tripped.")
 
     def _call(self, now: steps.Steps, last: bool, settle: bool = False) -> tuple[int, int]:

@@ -23,7 +23,7 @@ class Change:
 def timeline(case: Case, events: Iterable[Event]) -> tuple[Change, ...]:
     """The state of the network after each event, in order of time; the first is the intact network at time 0."""
     changes, now = [Change(0.0)], _State(case)
-    for event in sorted(events, key=lambda e: e.at):
+    for event in sorted(events, key=lambda e: (round(e.at, 9), not isinstance(e, Clear))):  # before another fault
         if not 0 <= event.at < float("inf"):
             raise StudyError(f"The time {event.at:g} s of the {described(event)} is not allowed; give at least 0.")
         for name, value in vars(event).items():
@@ -114,6 +114,7 @@ class _State:
     def _open(self, name: Place, end: str | int) -> None:
         row, _ = circuit(self.case, name)
         k, before = self.case.branches[row], self.branches.get(row, BranchState())
+        end = int(end) if isinstance(end, str) and end.isdecimal() else end
         if end != "both" and end not in (k.from_bus, k.to_bus):
             raise StudyError(f"Circuit {name} does not end at bus {end}; it ends at {k.from_bus} and {k.to_bus}.")
         from_closed = before.from_closed and end not in ("both", k.from_bus)

@@ -88,17 +88,25 @@ class Trajectory:
         return self.time[:, None] < self.happened.off_s[self.point.rotors.unit] - 1e-9
 
     @cached_property
+    def _change(self) -> np.ndarray:
+        """Which of the changes of the network came last (rows)."""
+        return np.searchsorted([c.at for c in self.happened.changes], self.time + 1e-9, side="right") - 1
+
+    @cached_property
     def energized(self) -> np.ndarray:
         """Whether a bus was in an island with a voltage source (rows, buses)."""
-        starts = [change.at for change in self.happened.changes]
-        alive = np.array([stage(self.point, change.switching).net.alive for change in self.happened.changes])
-        return alive[np.searchsorted(starts, self.time + 1e-9, side="right") - 1]
+        return np.array([stage(self.point, c.switching).net.alive for c in self.happened.changes])[self._change]
 
     @cached_property
     def angle_from_coi_deg(self) -> np.ndarray:
-        """Angles (rows, rotor units) relative to the COI of the rotors of the same island that are on; nan if off."""
-        angle = self.point.from_center(self.arrays.angle, self.point.inertia * self.on)
-        return np.where(self.on, np.rad2deg(angle), np.nan)
+        """Angles (rows, rotor units) relative to the COI of the rotors of the same island then; nan if off."""
+        angle, found = self.arrays.angle, np.full(self.arrays.angle.shape, np.nan)
+        for k, change in enumerate(self.happened.changes):
+            island = stage(self.point, change.switching).net.island[self.point.rotors.unit]
+            for one in np.unique(island[island >= 0]):
+                own, H = np.ix_(self._change == k, island == one), self.point.inertia[island == one]
+                found[own] = angle[own] - (angle[own] @ H / np.maximum(H.sum(), 1e-9))[:, None]
+        return np.rad2deg(found)
 
     @cached_property
     def unstable_machines(self) -> tuple[int | str, ...]:
@@ -154,7 +162,7 @@ class Trajectory:
         >>> st.load("two_area").simulate("7-8@1s", "2s", storage="1=50MW").devices()
         ['1@5']
         """
-        return [f"{s.machine}@{s.bus}" for s in self.point.case.storage]
+        return list(map(str, naming.keys(self.point.case, "storage")))
 
     @cached_property
     def dataset(self) -> "xr.Dataset":
@@ -225,7 +233,7 @@ class Trajectory:
                     f"Machine {angle_reference} of {case.name} has no rotor; angles cannot be relative to it."
                 )
             if "angle" in values:
-                values["angle"] = values["angle"] - self.arrays.angle[:, [rotors.index(row)]]
+                values["angle"] = values["angle"] - self.values("angle")[:, [rotors.index(row)]]
         columns = {
             f"{QUANTITIES[c.quantity].column}:{c.label}": QUANTITIES[c.quantity].factor * values[c.quantity][:, c.place]
             for c in wanted

@@ -115,6 +115,8 @@ def analyze(
         raise StudyError(
             "Computing only the modes of a band needs a sparse model; use stabctl.smallsignal.descriptor to linearize."
         )
+    if model.transition()[2]:
+        raise StudyError(f"{model.name} has sampled controllers; use modes() of its closed loop, or no rates.")
     return Modes(model, *_fixed(eigen(model.A, model.rotation())))
 
 

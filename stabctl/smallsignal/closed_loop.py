@@ -4,7 +4,7 @@ Continuous controllers close the loop x' = A x + B y, u = C x + D y directly. Wi
 map over the common period of all rates, from [x | outputs held, states and delay lines of the controllers]: the plant
 moves exactly with its inputs held, x(t + T) = exp(A T) x + (integral of exp(A t)) B u, and at a frame a controller
 reads the system with the outputs held before. Eigenvalues z of the map over the period T are the modes s = log(z) / T,
-unique below half of the slowest rate.
+unique below half of 1/T.
 """
 
 from collections.abc import Iterable, Sequence

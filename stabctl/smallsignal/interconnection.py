@@ -20,7 +20,7 @@ from stabctl.dynamics.signals import Signal
 from .descriptor import descriptor
 from .model import Linear, eliminated
 
-LARGEST = 500  # frames in a common period
+LONGEST = Fraction(1, 6)  # s   common period: half of its inverse is 3 Hz
 
 
 @dataclass(frozen=True)
@@ -79,12 +79,16 @@ def plant_of(
 
 
 def common_period(rates: Sequence[int]) -> Fraction:
-    """Shortest time (s) that is a whole number of frames of every rate. Raises `StudyError` if it is very long."""
+    """Shortest time (s) that is a whole number of frames of every rate.
+
+    Raises `StudyError` if it is too long to tell the modes below 3 Hz from those that are faster by a multiple of 1/T.
+    """
     period = Fraction(1, gcd(*rates))
-    if period * max(rates) > LARGEST:
+    if period > LONGEST:
         raise StudyError(
-            f"The frame rates {', '.join(map(str, rates))} have a common period of {float(period):g} s; choose rates "
-            "that divide each other, such as 60 and 30."
+            f"Frames at {', '.join(f'{rate}/s' for rate in dict.fromkeys(rates))} repeat every {float(period):g} s, so "
+            f"that modes above {float(1 / (2 * period)):g} Hz are not known; choose rates of at least 6/s that divide "
+            "each other, such as 60 and 30."
         )
     return period
 

@@ -220,6 +220,8 @@ def limit_cycles(
     with process.one_thread():
         loop = OpenedLoop(point, own, [None if a.gentle else a for a in acts], shown)
         high = min(high, loop.rate / FEWEST) if loop.rate else high
+        if not 0 < low < high:
+            raise StudyError(f"The band must begin above 0 Hz and below {high:g} Hz; it begins at {low:g} Hz.")
         hz, G = sampled(loop, low, high)
         found = balances(loop, hz, G)
         cycles = tuple(_cycle(point, own, loop, one, shown) for one in found)

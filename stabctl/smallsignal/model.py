@@ -93,7 +93,10 @@ class Model:
         except (TypeError, ValueError):
             raise StudyError(f"{shown(hz)} is not a list of frequencies; give numbers in Hz: [0.5, 1.0].") from None
         A, B, dt = self.transition()
-        return Response(A, B, self.C, self.D)(np.exp(jw * dt) if dt else jw)
+        try:
+            return Response(A, B, self.C, self.D)(np.exp(jw * dt) if dt else jw)
+        except np.linalg.LinAlgError:
+            raise StudyError(f"{self.name} has a pole at one of the frequencies {shown(hz)} Hz; give others.") from None
 
     def save(self, path: str | Path) -> Path:
         """Write A, B, C, D and the labels to a file, and return its path.

@@ -2,12 +2,13 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 import scipy.linalg as sl
 from scipy.sparse.csgraph import connected_components
 
-from stabctl._util.errors import StudyError
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.wording import counted
 from stabctl.dynamics.layout import unique
 
@@ -102,7 +103,7 @@ def balanced(modes: Modes, order: int) -> Reduced:
     modes : Modes
         All modes of the full model, with inputs and outputs.
     order : int
-        Number of states to keep.
+        Number of states to keep at most: fewer where no more have an effect.
 
     Returns
     -------
@@ -126,6 +127,8 @@ def balanced(modes: Modes, order: int) -> Reduced:
         )
     loose = np.flatnonzero(modes.eigenvalues.real >= 0)
     n, kept = len(linear.states), len(loose)
+    if isinstance(order, bool) or not isinstance(order, Integral):
+        raise StudyError(f"order = {shown(order)} is not a number of states; give a whole number.")
     if not kept < order <= n:
         raise StudyError(
             f"{linear.name} cannot be reduced to {counted(order, 'state')}: of its {n} states, "

@@ -118,7 +118,7 @@ class Sensitivity(Tabular):
     def __str__(self) -> str:
         m = self.mode
         text = f"{self.name}: {counted(len(self.rows), 'parameter')} of the mode {m.frequency_hz:.3f} Hz ({m.label})"
-        first = [f"{row.path} {row.damping_ratio:+.2g}" for row in self.rows[:SHOWN]]
+        first = [f"{row.path} {row.damping_ratio:+.2g}" for row in self.rows if row.value][:SHOWN]
         text += f"; largest changes of its damping ratio, {m.damping_ratio:.4f}: {', '.join(first)} per 1 %" * bool(
             first
         )

@@ -115,17 +115,21 @@ def equivalent(case: Case, machine: int) -> Equivalent:
         does not accelerate against the others.
     """
     first = case.machines.index(case.machine(machine))
-    if len(case.machines) < 2:
-        raise StudyError(f"{case.name} has only one machine; an equivalent needs at least two.")
+    net = network.build(case)
+    island = network.islands(net)[net.machine_bus]
+    own = np.arange(len(island)) == first
+    rest = (island == island[first]) & ~own
+    if not rest.any():
+        raise StudyError(f"{case.name} has no other machine connected with it; an equivalent needs at least two.")
     Y, E, H = reduced_network(case)
-    delta, rest = np.angle(E / E[first]), np.arange(len(H)) != first
-    share = H[rest].sum() / H.sum()
-    weights = np.where(rest, share - 1, share)  # the relative angle is driven by share Pa1 - (1 - share) Pa_rest
+    delta = np.angle(E / E[first])
+    share = H[rest].sum() / H[rest | own].sum()
+    weights = share * own - (1 - share) * rest  # the relative angle is driven by share Pa1 - (1 - share) Pa_rest
     coi = H[rest] @ delta[rest] / H[rest].sum()
 
     def power(angle: float) -> float:
         """Electrical power of the relative motion, machine 1 ahead of the COI of the others by `angle`."""
-        source = np.abs(E) * np.exp(1j * np.where(rest, delta, coi + angle))
+        source = np.abs(E) * np.exp(1j * np.where(own, coi + angle, delta))
         return float(weights @ (source * (Y @ source).conj()).real)
 
     start = delta[first] - coi

@@ -10,7 +10,7 @@ from stabctl.clearing import Search, Trial, screen
 from stabctl.controllers import BangBang, StorageLaw
 from stabctl.design import LawLimits, law
 from stabctl.design.law import LawSearch, no_stable_limit_cycle, spread, training_contingencies
-from stabctl.design.law_measurement import LAW, Bench, Measurement, later, from_row, measurement_task
+from stabctl.design.law_measurement import LAW, Bench, Measurement, from_row, later, measurement_task
 from stabctl.design.law_result import parameters
 from stabctl.io.control_files import load
 from stabctl.jobs import Runner
@@ -185,7 +185,7 @@ def test_every_simulation_of_a_measurement_is_counted(fleet, monkeypatch):
         for case, near in (((None, FAULT), None), ((returns, FAULT), None), ((returns, FAULT), 20.0)):
             made.clear()
             task = measurement_task(Measurement(*case, search, near, 2.0), Base(fleet), False)
-            assert measured(LAW.run(task).values).runs == len(made) > 3
+            assert from_row(LAW.run(task).values).runs == len(made) > 3
         made.clear()
         bench.measured([(None, FAULT)], bench.coarse)
         assert bench.simulations == len(made)

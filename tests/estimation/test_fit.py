@@ -45,5 +45,5 @@ def test_wrong_data_are_recovered(points, inertia, reactance):
 def test_the_loop_uses_one_factor_per_machine(points):
     with pytest.raises(StudyError, match="one per machine"):
         recorded(points, inertia_factor=(1.0, 1.2))
-    with pytest.raises(StudyError, match="positive"):
+    with pytest.raises(StudyError, match="above 0"):
         recorded(points, reactance_factor=0.0)

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from systems import KINDS, ROUND, small, with_shares
 
+from stabctl import io
 from stabctl._util.errors import StudyError
 from stabctl.dynamics import operating_point
 from stabctl.model import network
@@ -24,7 +25,9 @@ from stabctl.simulation.events import (
     SwitchShunt,
     TripMachine,
 )
+from stabctl.simulation.simulate import simulate
 from stabctl.simulation.simulation import run
+from stabctl.simulation.timeline import timeline
 from stabctl.simulation.topology import stage
 
 
@@ -216,7 +219,6 @@ class TestImpossibleEvents:
             ([Fault("7", float("inf"))], "The time inf s of "),
             ([Fault("7", 1.0), Fault("7", 1.1)], "Bus 7 is faulted twice; "),
             ([Fault("7-8@0.1", 1.0), Fault("7-8@0.2", 1.1)], "Branch 7-8@0.2 is faulted twice; "),
-            ([Fault("7", 1.0, complex("nan"))], "The impedance (nan"),
             ([Fault("7", 1.0, complex(-0.1, 0))], "The impedance (-0.1+0j) pu of the fault at 7 "),
             ([Clear("7", 1.0)], "There is no fault at 7 to clear at that time."),
             ([Open("7", 1.0)], "'7' is not a circuit; write 7-8"),
@@ -227,6 +229,7 @@ class TestImpossibleEvents:
             ([LoadStep(99, 1.0, 5.0)], "There is no bus 99 in two_area; the nearest numbers are "),
             ([LoadStep("7-8", 1.0, 5.0)], "'7-8' is not a bus of two_area; give a bus number."),
             ([LoadStep(7, 1.0, float("nan"))], "The p nan of "),
+            ([Clear("7", 0.9), Fault("7", 0.9)], "There is no fault at 7 to clear at that time."),
             ([SwitchShunt(7, 1.0, b=float("inf"))], "The b inf of "),
         ],
     )
@@ -235,6 +238,35 @@ class TestImpossibleEvents:
             run(two_area, events, 2.0)
         assert str(caught.value).startswith(says)
         assert "\n" not in str(caught.value)
+
+    @pytest.mark.parametrize(
+        ("made", "says"),
+        [
+            (lambda: Fault("7", 1.0, complex("nan")), "fault impedance .* is not a finite number"),
+            (lambda: Fault("7", 1.0, "0.01"), "fault impedance '0.01' is not a finite number"),
+            (lambda: Open(None, 1.0), "None is not a location"),
+            (lambda: Open(["7-8"], 1.0), "is not a location"),
+            (lambda: SwitchShunt(7, 1.0), "The shunt switching at bus 7 has no power"),
+            (lambda: Contingency(trip="7-8", impedance=0.1j), "The impedance is that of a fault, and there is none"),
+        ],
+    )
+    def test_what_is_no_event_is_told_where_it_is_made(self, made, says):
+        with pytest.raises(StudyError, match=says):
+            made()
+
+    def test_numbers_and_text_are_read_as_elsewhere(self):
+        assert Fault(7, "1s") == Fault("7", "1s")
+        assert SwitchShunt(7, "1s", b="100Mvar") == SwitchShunt(7, "1s", b=100.0)
+        case = io.load("two_area")
+        assert timeline(case, [Open("7-8", 1.0, end="8")])[-1] == timeline(case, [Open("7-8", 1.0, end=8)])[-1]
+
+    @pytest.mark.parametrize("swapped", [False, True])
+    def test_a_fault_may_begin_where_another_is_cleared(self, two_area, swapped):
+        """0.1 + 0.2 s is later than 0.3 s by a rounding."""
+        several = [Contingency("7", clear=0.2, at=0.1), Contingency("7", clear=0.05, at=0.3)]
+        found = simulate(two_area, several[::-1] if swapped else several, 0.6)
+        assert [round(c.at, 9) for c in found.happened.changes] == [0.0, 0.1, 0.3, 0.35]
+        assert [bool(c.switching.faults) for c in found.happened.changes] == [False, True, True, False]
 
     @given(st.text(max_size=12) | st.from_regex(r"[0-9]{1,3}(-[0-9]{1,3}(#[0-9]{1,3})?(@[0-9.e+-]{1,6})?)?"))
     def test_any_text_names_a_place_or_is_refused_in_one_sentence(self, two_area, text):

@@ -70,7 +70,8 @@ def networks(
     points, shares = operating_points(bases), [1.0] if known else list(levels)
     if not shares:
         raise StudyError("levels names no load level; give 1.0, for example.")
-    several = [c if isinstance(c, Contingency) else Contingency(c) for c in contingencies]
+    listed = [contingencies] if isinstance(contingencies, str | Contingency) else contingencies
+    several = [c if isinstance(c, Contingency) else Contingency(c) for c in listed]
     found: list[Network] = []
     left_out: list[tuple[str, str]] = []
     for point in points:
@@ -97,7 +98,7 @@ def networks(
                     own.append(operating_point(_after(bare, c)))
                 except StabctlError as error:
                     left_out.append((f"{name} after {c.label}", reason(error)))
-            found += [Network(made, case.devices, not known and made is own[0]) for made in own]
+            found += [Network(made, case.devices, made is own[0] and (not known or point is points[0])) for made in own]
     return found, left_out
 
 

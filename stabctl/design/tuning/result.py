@@ -127,12 +127,13 @@ class Tuned(Design):
         robust = list(gains_and_outages(parts, trial, asked.gains, seed))
         for other in elsewhere:
             own_trial = other.problem(asked).at(trial.p)
-            robust.append((f"{other.networks[0].name} and its outages, not tuned for", worst(own_trial, one)))
+            beside = " and its outages" * (len(other.networks) > 1)
+            robust.append((f"{other.networks[0].name}{beside}, not tuned for", worst(own_trial, one)))
         made = cls(
             **own,
             reached=design.reached and not missed,
             robustness=tuple(robust),
-            ring_down=ring_down(points[0], controllers) if design.after[0].stable else None,
+            ring_down=ring_down(points[0], controllers) if design.after[0].stable and points[0].case.loads else None,
             reserves=tuple(parts.reserves(trial.logs)),
             checks=clearing(points[0], given[0] if changed else None, controllers, checks),
             replaced=tuple(closed_loop(point).modes() for point in given) if changed else (),

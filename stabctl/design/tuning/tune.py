@@ -134,7 +134,7 @@ def tune(
     with process.one_thread():
         tell("networks", 0.0)
         every, left_out = networks(bases, given, outages, levels, contingencies)
-        parts, unmoved = Parts.of(every, given).movable(damping)
+        parts, unmoved = Parts.of(every, given).movable(asked.damping)
         with Runner(TUNING, store=store, workers=workers) as runner:
             best = Rounds(runner, parts, asked, given, tell).best(starts, seed)
         tell("evidence", 1.0)
