@@ -105,6 +105,10 @@ def pod(
     from stabctl.design.pairs import SIGNALS
 
     files.check()
+    if rank and (files != Files() or (damping, spread, order, rate) != (0.1, 0.0, None, None)):
+        from stabctl._util.errors import StudyError
+
+        raise StudyError("--rank only ranks pairs; leave out what a design is made with, or where it is written.")
     point = storage.initialize(case.load())
     if rank:
         _rank(pairs(point, read or SIGNALS, driven, mode=mode, delay=float(delay)), as_json)

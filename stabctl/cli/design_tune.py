@@ -90,6 +90,10 @@ class DeviceOptions(NamedTuple):
         if self.machine or self.model or not (self.damper or self.value):
             shape: dict[str, Any] = {"stages": self.stages, "gain": self.gain, "fast": self.fast, "noise": self.noise}
             found.append(design.stabilizers(self.machine or None, model=self.model, **shape))
+        elif self[2:6] != DeviceOptions()[2:6]:
+            raise StudyError(
+                "--stages, --gain, --fast and --noise are those of stabilizers; give --machine or --model."
+            )
         for text in self.damper or ():
             parts = [part.strip() for part in text.split(",")]
             if not 2 <= len(parts) <= 3:

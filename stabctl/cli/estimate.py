@@ -47,6 +47,12 @@ def estimate(
     from stabctl.estimation.estimator_control import EstimatorControl
     from stabctl.simulation.contingency import Contingency
 
+    if estimator == "ideal" and pmu != groups.PmuOptions():
+        raise StudyError(
+            "The ideal estimator has no PMUs; leave out --pmu-rate, --pmu-noise-mrad, --latency-ms, --loss and --seed."
+        )
+    if engine != "batched" and estimator not in ("kinematic", "kalman"):
+        raise StudyError(f"--engine is that of Kalman filters; leave it out with --estimator {estimator}.")
     shared.file(plot, ".png", ".svg")
     shared.folder(report)
     loaded = case.load()

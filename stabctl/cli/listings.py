@@ -1,7 +1,7 @@
 """stabctl cases, tables, models, import, check: cases, columns, parameters, what a file holds, unusual data."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from . import options, shared
 from .groups import CaseOptions
@@ -127,6 +127,8 @@ def importing(
     loads: options.Loads = None,
     missing: options.Missing = "refuse",
     missing_controls: options.MissingControls = "refuse",
+    frequency: options.Frequency = None,
+    conventions: options.Conventions = None,
     as_json: options.Json = False,
 ) -> int:
     """Import a PSS/E, PST or MATPOWER system and report what is represented; the exit code is 0 if everything is."""
@@ -139,7 +141,10 @@ def importing(
         raise StudyError("--missing and --missing-controls change the case that is written; give --out too.")
     shared.folder(out)
     shared.folder(page)
-    report = import_report(raw, dyr_file or dyr, check=check, loads=loads)
+    if out is not None and Path(raw).suffix.lower() == ".m" and (missing, missing_controls) != ("refuse", "refuse"):
+        raise StudyError("--missing and --missing-controls belong to a PSS/E file ending in .raw; leave them out.")
+    how: dict[str, Any] = {"loads": loads, "frequency": frequency, "conventions": conventions}
+    report = import_report(raw, dyr_file or dyr, check=check, **how)
     if as_json:
         shared.print_json(report.plain())
         shared.warn(report.failures, verbose=True)
@@ -150,7 +155,7 @@ def importing(
         from stabctl import io
 
         dyr_path = report.files[1] if len(report.files) > 1 else None
-        case = io.load(raw, dyr=dyr_path, loads=loads, missing=missing, missing_controls=missing_controls)
+        case = io.load(raw, dyr=dyr_path, missing=missing, missing_controls=missing_controls, **how)
         written.append(io.write(case, out))
     shared.written(written, as_json)
     return 0 if report.complete else INCOMPLETE

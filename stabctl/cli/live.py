@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 Port = Annotated[int, Option("--port", min=0, max=65535, help="Port of the page (0: any free port).")]
 Browser = Annotated[bool, Option("--browser/--no-browser", help="Open the page in the default browser.")]
-READ = "dyr", "loads", "machines", "frequency", "missing", "missing_controls"  # arguments of `st.load`
+READ = "dyr", "loads", "machines", "frequency", "missing", "missing_controls", "conventions"  # arguments of `st.load`
 
 
 def live(

@@ -94,11 +94,14 @@ def place(
     as_json: options.Json = False,
 ) -> int:
     """Search for the cheapest storage fleet that survives every contingency in simulation."""
+    from stabctl._util.errors import StudyError
     from stabctl.estimation.estimator_control import EstimatorControl
     from stabctl.placement.place import place
     from stabctl.placement.siting import Costs
     from stabctl.simulation.control import with_law
 
+    if seed != 1 and not validate:
+        raise StudyError("--seed is that of the estimator of --validate; give that too.")
     shared.folder(report)
     criteria = shared.criteria(by)
     loaded = case.load()

@@ -70,9 +70,9 @@ def simulate(
     from stabctl.simulation.contingency import Contingency
     from stabctl.simulation.simulate import simulate
 
-    if fault and not clear:
+    if fault and clear is None:
         raise StudyError("--fault needs --clear; give a clearing time such as 6cyc.")
-    if clear and not (fault or trip):
+    if clear is not None and not (fault or trip):
         raise StudyError("--clear needs --fault or --trip; give a location such as 83 or 7-8@0.4.")
     if at != "1s" and not (fault or trip):
         raise StudyError("--at needs --fault or --trip; other events have their own times.")

@@ -77,7 +77,8 @@ def study(
 
     if subsystems is not None and contingencies is None and monitored is None:
         raise StudyError("--subsystems applies only to --contingencies FILE.con and --monitored; leave it out.")
-    of_con = subsystems if contingencies is not None and contingencies.suffix.lower() == ".con" else None
+    is_con = contingencies is not None and (monitored is None or contingencies.suffix.lower() == ".con")
+    of_con = subsystems if is_con else None
     chosen = screened(faults, contingencies, of_con, "lines, buses")
     shared.file(out, ".xlsx", ".csv")
     shared.folder(report)

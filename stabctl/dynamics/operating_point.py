@@ -358,7 +358,7 @@ def unlimited(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
         names = enumerated("machine", (m.called for m in case.machines))
         raise StudyError(
             f"{case.name} has no dynamic models, only a power flow: no model for {names}; give their dynamic data, "
-            "--dyr or --machines typical."
+            "--dyr of a RAW file, or --machines typical."
         )
     flow = flow or powerflow.solve(case)
     net = network.build(case)

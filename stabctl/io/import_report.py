@@ -21,12 +21,13 @@ from stabctl.model.unusual import UnusualData
 from . import _import_checks, matpower, psse, pst
 from ._import_checks import DRIFT_S, FlowDifference, InitialState, Kind, Stored, by_kind
 from ._matlab import assigns
-from .load_case import matching_dyr
+from .load_case import matching_dyr, refuse
 from .psse.dyr import Unsupported
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from stabctl.model.conventions import Conventions
     from stabctl.model.loads import Loads
 
 __all__ = ["ImportReport", "InitialState", "Kind", "Stored", "import_report"]
@@ -143,6 +144,8 @@ def import_report(
     *,
     check: bool = True,
     loads: "Loads | None" = None,
+    frequency: float | str | None = None,
+    conventions: "Conventions | None" = None,
 ) -> ImportReport:
     """Read a PSS/E, PST or MATPOWER system and report what is represented.
 
@@ -156,6 +159,8 @@ def import_report(
         Also compare the network with the stored voltages, start the dynamic models and simulate 2 s without a fault.
     loads : {"impedance", "current", "power"}, optional
         What all loads keep constant in this simulation; by default what the file says.
+    frequency, conventions
+        As in `load`.
 
     Returns
     -------
@@ -183,15 +188,17 @@ def import_report(
         if dyr is not None:
             raise StudyError(f"{dyr} cannot be used: a DYR file belongs to a PSS/E file ending in .raw.")
         if assigns(Path(raw), "mac_con"):
-            read = pst.read(raw)
+            read = pst.read(raw, frequency=frequency)
             kinds = tuple(Kind(*kind, mva=0.0) for kind in read.kinds)
         else:
-            read = matpower.read(raw)
+            read = matpower.read(raw, **({} if frequency is None else {"frequency": frequency}))
     else:
+        refuse(raw, {"frequency": frequency}, "a file ending in .m")
         dyr = matching_dyr(Path(raw)) if dyr is None else dyr
         read = psse.read(raw, dyr, missing="injection", missing_controls="fixed")
         kinds = by_kind(read)
     case = read.case.with_loads(loads) if loads is not None else read.case
+    case = case.with_conventions(conventions) if conventions is not None else case
     files = tuple(Path(path) for path in (raw, dyr) if path is not None)
     report = ImportReport(case, files, kinds, read.unsupported, read.corrections, case.check())
     return _checked(report) if check else report
@@ -271,7 +278,7 @@ def completeness(report: ImportReport) -> Iterator[str]:
         missed = ": no DYR file was given or found" if report.files[0].suffix.lower() == ".raw" else ""
         yield f"There are no dynamic models, only power-flow data{missed}."
     if report.complete:
-        yield "The import is complete: all data of the files are represented."
+        yield "The import is complete: all data of the network and of its dynamic models are represented."
     else:
         yield "The import is incomplete: some data of the files are not represented."
     if report.stored and not report.complete and report.files[0].suffix.lower() == ".raw":

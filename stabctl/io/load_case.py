@@ -69,7 +69,7 @@ def load(
     given |= {"missing": missing if missing != "refuse" else None}
     given |= {"missing_controls": missing_controls if missing_controls != "refuse" else None}
     if ending == ".m":
-        _refuse(name, given, "a PSS/E file ending in .raw")
+        refuse(name, given, "a PSS/E file ending in .raw")
         if assigns(Path(name), "mac_con"):
             from . import pst
 
@@ -83,12 +83,12 @@ def load(
     elif ending == ".raw":
         from . import psse
 
-        _refuse(name, {"frequency": frequency}, "a file ending in .m")
+        refuse(name, {"frequency": frequency}, "a file ending in .m")
         dynamic = matching_dyr(Path(name)) if dyr is None else dyr
         case = psse.read_psse(name, dynamic, missing=missing, missing_controls=missing_controls)
     else:
-        _refuse(name, given, "a PSS/E file ending in .raw")
-        _refuse(name, {"frequency": frequency}, "a file ending in .m")
+        refuse(name, given, "a PSS/E file ending in .raw")
+        refuse(name, {"frequency": frequency}, "a file ending in .m")
         case = folder.load(name)
     if machines not in (None, "typical"):
         raise StudyError(f"machines = {shown(machines)} is not allowed; the only choice is typical.")
@@ -98,7 +98,7 @@ def load(
     return case.with_loads(loads) if loads is not None else case
 
 
-def _refuse(name: str | Path, given: dict[str, Any], files: str) -> None:
+def refuse(name: str | Path, given: dict[str, Any], files: str) -> None:
     """Raise `StudyError` for an argument that is given but applies to other files."""
     for option, value in given.items():
         if value is not None:

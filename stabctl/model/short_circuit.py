@@ -286,7 +286,7 @@ def source_admittances(case: Case, net: network.Network) -> np.ndarray:
     if not case.devices:
         raise StudyError(
             f"{case.name} has no dynamic models, so the short-circuit impedances of its machines are not known; give "
-            "their dynamic data, --dyr or --machines typical."
+            "their dynamic data, --dyr of a RAW file, or --machines typical."
         )
     found = np.zeros(len(case.buses), complex)
     for m, bus in zip(case.machines, net.machine_bus, strict=True):

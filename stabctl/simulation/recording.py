@@ -123,8 +123,8 @@ class Recording:
 
     def _due(self, times: np.ndarray) -> list[int]:
         """Rows that are at least the interval after the one before."""
-        kept: list[int] = []
-        while (i := int(np.searchsorted(times, self._next - 1e-9))) < len(times):
+        kept, i = list[int](), -1
+        while (i := max(i + 1, int(np.searchsorted(times, self._next - 1e-9)))) < len(times):
             kept.append(i)
             self._next = float(times[i]) + self._every
         return kept

@@ -129,8 +129,12 @@ def power_law(m: OMIB, law: FeedbackLaw) -> PowerLaw:
 def respond(m: OMIB, clearing: float, law: FeedbackLaw, *, until: float = 5.0) -> FeedbackResponse:
     """Simulate a fault with one law acting from clearing (s) to `until` (s).
 
-    Raises StudyError as `power_law` and `swing_curve` do.
+    Raises StudyError as `power_law` and `swing_curve` do, and where the speed would grow by more than 1000.
     """
+    growth = -law.Kv / (m.M + law.Ka) * until
+    if not law.magnitude and growth > 7:
+        least = -7 * (m.M + law.Ka) / until
+        raise StudyError(f"Law {law.name!r}: with Kv = {law.Kv:g} the speed grows; give at least {least:.3g}.")
     curve = swing_curve(m, clearing, power_law(m, law), until=until)
     peaks = [angle for _, angle in curve.rests[::2]]
     damping = math.nan

@@ -112,3 +112,13 @@ def test_large_swings_that_last_are_said_and_small_ones_are_not(last, before, ho
     assert swings.settled == (not how)
     assert swings.lasting or swings.growing
     assert found.remark().partition(" within")[0] == (f"Its swings {how}" if how else "")
+
+
+def test_a_limit_between_two_points_of_the_grid_is_the_last_of_them():
+    """Of 0 and 7 cycles, 7 is the longest that was tried."""
+    found = clearing_time(
+        io.load("two_area"), "7-8@0.4", limit="10cyc", resolution="7cyc", scan=0, longest=0, observe="1s"
+    )
+    assert (found.status, found.reach_cycles) == ("stable_at_limit", 7.0)
+    assert "search limit of 7 cycles" in str(found)
+    assert found.window() == ""

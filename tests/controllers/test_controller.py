@@ -146,6 +146,25 @@ def test_a_window_of_time(base, rate):
     assert np.abs(order(run)[(run.time < 1 - 1e-9) | (run.time > 1.505 + 1 / 60)]).max() == 0
 
 
+def test_while_its_gate_is_closed_a_function_rests(base):
+    """An integrator of time begins when the gate opens, at its start and with nothing on its way."""
+    seen = []
+
+    def law(now, x):
+        seen.append((now.time, float(x[0])))
+        return 0.1 * x, x + 1 / 60
+
+    one = st.Controller.from_function(
+        law, "deviation:1", "order:1@5", start=[0.0], rate=60, delay="50ms", gate=st.Gate(start=0.5)
+    )
+    run = base.simulate(until="1s", control=one)
+    assert seen[0] == (pytest.approx(0.5, abs=1 / 60), 0.0)
+    assert seen[-1][1] == pytest.approx(seen[-1][0] - seen[0][0], abs=1e-9)
+    late = run.time < seen[0][0] + 0.05 - 1e-9
+    assert np.abs(order(run)[late]).max() == 0
+    assert np.abs(order(run)[~late]).max() > 0.01
+
+
 def test_the_controller_of_a_tripped_machine_stops(base):
     one = st.Controller.from_control(LAG, "speed:1", "vs:1", name="pss")
     run = base.simulate(st.TripMachine(1, 0.5), "1.5s", control=one, criterion=st.Criterion(max_angle=1e3))
@@ -177,6 +196,9 @@ def test_inputs_of_a_tripped_machine_count_as_at_rest(base, kind):
         (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1", ramp=1.0), "needs a sampled controller"),
         (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1", relay=True), "give finite ones"),
         (lambda: st.Gate(low=2, high=1), "never open"),
+        (lambda: st.Gate(low=0.8), "low, high and magnitude are those of a signal"),
+        (lambda: st.Gate(magnitude=True), "low, high and magnitude are those of a signal"),
+        (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1", limits=0), "the output is always 0"),
     ],
 )
 def test_mistakes_in_a_controller(make, says):
@@ -200,6 +222,12 @@ def test_mistakes_in_a_controller(make, says):
 def test_signals_that_the_case_does_not_have(base, reads, drives, says):
     one = st.Controller.from_control(LAG, reads, drives)
     with pytest.raises(StudyError, match=says):
+        base.simulate(until="0.1s", control=one)
+
+
+def test_a_gate_has_one_signal(base):
+    one = st.Controller.from_control(LAG, "deviation:1", "vs:1", gate=st.Gate("voltage", low=0.8))
+    with pytest.raises(StudyError, match="gate: 'voltage' are 11 signals; give one, such as voltage:1"):
         base.simulate(until="0.1s", control=one)
 
 

@@ -122,6 +122,24 @@ def test_losses_leave_the_energy_without_a_derivative(cases):
         lossy.linearize("order:1", "energy:1")
 
 
+def test_a_second_device_of_a_machine_at_its_bus_has_its_own_name(cases):
+    """Rows 1 and 2 are 50 and 30 MW at bus 5; what is ordered of the second, the second does."""
+    rows = st.Storage(1, 5, 50.0), st.Storage(1, 5, 30.0), st.Storage(2, 6, 40.0)
+    base = cases("two_area").with_storage(rows).initialize()
+    one = st.Controller.from_function(lambda seen: -1.0, "deviation:1", "order:1@5#2")
+    run = base.simulate(until="0.2s", control=one)
+    assert run.devices() == ["1@5", "1@5#2", "2@6"]
+    assert np.abs(run.storage.values).max(axis=0) == pytest.approx([0, 30, 0], abs=1e-6)
+    law = st.BangBang(min_voltage=0.0)
+    several = law.controllers(base.case)
+    assert [one.outputs for one in several] == [("order:1@5",), ("order:1@5#2",), ("order:2@6",)]
+    fault = st.Contingency("7", clear="6cyc")
+    powers = [base.simulate(fault, "2s", control=control).storage.values for control in (law, [*several])]
+    assert np.abs(powers[0]).max(axis=0) == pytest.approx([50, 30, 40], rel=1e-6)
+    assert np.mean(np.abs(powers[1] - powers[0]) > 1) < 0.02
+    assert base.closed_loop(*several).modes().stable
+
+
 @pytest.mark.parametrize(
     ("reads", "drives", "says"),
     [

@@ -120,10 +120,11 @@ def test_the_figure_shows_swings_and_power(longest):
         ({"window": "90s"}, "A schedule of 90 s"),
         ({"limit": "2cyc"}, "no clearing time to increase: fault 7, trip 5-7: stable up to the limit"),
         ({"energy": "5MW"}, "5MW"),
+        ({"energy": "-5kWh"}, "energy = '-5kWh' is not allowed; give more than 0"),
         ({"law": None}, "law = None cannot take over"),
         ({"iterations": 0}, "iterations = 0 is not"),
     ],
-    ids=["storage", "rate", "window", "limit", "energy", "law", "iterations"],
+    ids=["storage", "rate", "window", "limit", "energy", "negative energy", "law", "iterations"],
 )
 def test_what_is_not_possible_is_said(cases, options, words):
     with pytest.raises(StudyError, match=words):

@@ -5,7 +5,7 @@ import pytest
 from systems import kind, small
 
 from stabctl._util.errors import StudyError
-from stabctl.design import damper, stabilizers, tune, values
+from stabctl.design import damper, outages, stabilizers, tune, values
 from stabctl.design.tuning.networks import networks
 from stabctl.design.tuning.parts import Parts
 
@@ -58,6 +58,7 @@ def test_a_machine_alone_has_no_ring_down_to_compare(recwarn):
         (lambda c: tune(c, damping=1.5), "damping = 1.5"),
         (lambda c: tune(c, reserve=1.0), "reserve = 1"),
         (lambda c: tune(c, reserve=0.5), "needs the noise of a signal"),
+        (lambda c: tune(c, damping="5MW"), "5MW"),
         (
             lambda c: tune(c, stabilizers(noise=1.0, lead=(0.4, 1), lag=(0.02, 0.05)), reserve=0.5),
             "even with the smallest gains within the bounds",
@@ -83,3 +84,14 @@ def test_what_cannot_be_tuned_is_said_in_a_sentence(cases, call, message):
         call(cases("two_area_thyristor"))
     assert message in str(error.value)
     assert str(error.value).endswith(".")
+
+
+def test_a_text_is_one_contingency_and_outages_have_their_intact_network(cases):
+    case, wanted = cases("two_area_thyristor"), [stabilizers([1])]
+    one, several = (networks(case, wanted, "none", (1.0,), given)[0] for given in ("7-8", ["7-8"]))
+    assert [n.name for n in one] == [n.name for n in several]
+    assert len(one) == 2
+    plain = networks(case, wanted, "all", (1.0,), ())[0]
+    known = networks(outages(case), wanted, "all", (1.0,), ())[0]
+    assert [n.intact for n in known] == [n.intact for n in plain] == [True, *[False] * (len(plain) - 1)]
+    assert tune(case, wanted, damping="5%", outages="none", levels=(1.0,), gains=(), checks=0, starts=1).reached

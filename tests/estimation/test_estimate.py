@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from systems import one_of
 
+from stabctl import io
 from stabctl._util.errors import StudyError
 from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang, Feedback
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
+from stabctl.estimation.rotor_units import ProcessNoise
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Sampled
 from stabctl.simulation.simulation import run
@@ -217,3 +219,37 @@ def test_impossible_arguments_are_one_sentence(points, arguments, says):
 def test_a_control_is_made_of_a_law(given, says):
     with pytest.raises(StudyError, match=says):
         EstimatorControl(*given)
+
+
+def test_the_seed_of_the_control_is_that_of_the_estimate():
+    runs = [
+        estimate(
+            io.load("two_area"), None, 0.2, storage="50MW", control=EstimatorControl(seed=7), seeds=s, record=False
+        )
+        for s in (None, 7, np.int64(7), 1)
+    ]
+    assert [run.seeds for run in runs] == [(7,), (7,), (7,), (1,)]
+    same = [np.array_equal(run.deviation_estimated, runs[0].deviation_estimated) for run in runs]
+    assert same == [True, True, True, False]
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"seed": -1}, "seed"),
+        ({"seed": "a"}, "seed"),
+        ({"process": 3}, "process = 3 is no process noise"),
+        ({"inertia_factor": "a"}, "inertia_factor = 'a'"),
+        ({"reactance_factor": (1.0, float("inf"))}, "reactance_factor"),
+        ({"check_pmus": "no"}, "check_pmus = 'no'"),
+    ],
+)
+def test_a_control_that_is_none_is_told_when_it_is_made(given, says):
+    with pytest.raises(StudyError, match=says):
+        EstimatorControl(**given)
+
+
+@pytest.mark.parametrize("wrong", [{"walk": "a"}, {"walk": float("nan")}, {"share": -0.1}])
+def test_process_noise_is_a_finite_number(wrong):
+    with pytest.raises(StudyError, match="must be"):
+        ProcessNoise(**wrong)

@@ -185,6 +185,7 @@ def test_the_ways_to_write_a_matrix(tmp_path):
         ("50	20	1	-5", "50	sqrt(2)	1	-5", "line 7: '(' is not allowed within mpc.bus"),
         ("50	20	1	-5", "50	1_0	1	-5", "line 7: ... is not a row of numbers"),
         ("50	20	1	-5", "50	20	-5", "line 7: the row has 12 columns; a row of mpc.bus needs 13"),
+        ("0.95	-30	1;", '0.95	-30	1;\n"', "line 20: ... is not a row"),
         ("	2	1	50", "	2.5	1	50", "line 7, field BUS_I: 2.5 is not a whole number"),
         ("	2	1	50", "	1	1	50", "line 7, field BUS_I: bus 1 appears twice, first in line 6"),
         ("	2	1	50", "	2	7	50", "line 7, field BUS_TYPE: 7 is not a type of bus"),

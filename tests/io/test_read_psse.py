@@ -38,6 +38,38 @@ def test_stored_voltages_are_those_of_the_power_flow(raw, p, q):
     assert np.abs(np.rad2deg(np.angle(flow.V)) - [b.angle for b in case.buses]).max() < 1e-4  # 5.0e-5 degrees
 
 
+LOAD = "   103,'1 ',1,   1,   1,   250.000,    30.000,     0.000,     0.000,     0.000,     0.000,   1,1,0\n"
+SHUNTS = "Begin Fixed shunt data\n"
+
+
+@pytest.mark.parametrize(
+    ("after", "added", "says"),
+    [
+        (LOAD, LOAD, r"line 9.*load 103/1 appears twice, first in line 8"),
+        (SHUNTS, "103,'1',1,0,50\n103,'1 ',1,0,50\n", r"line 11.*shunt 103/1 appears twice, first in line 10"),
+    ],
+)
+def test_a_load_or_shunt_that_appears_twice_is_told(tmp_path, after, added, says):
+    """It would count twice; another identifier is another load."""
+    text = THREE.read_text()
+    assert after in text
+    (tmp_path / "x.raw").write_text(text.replace(after, after + added, 1))
+    with pytest.raises(CaseError, match=says):
+        psse.read_psse(tmp_path / "x.raw")
+    (tmp_path / "x.raw").write_text(text.replace(after, after + added.replace("'1 '", "'2'"), 1))
+    psse.read_psse(tmp_path / "x.raw")
+
+
+def test_machines_of_one_bus_that_hold_several_voltages_are_told(tmp_path):
+    """The first one holds."""
+    first = next(line for line in THREE.read_text().split("\n") if line.startswith("   102,'1 ',   100"))
+    second = first.replace("'1 '", "'2 '").replace("1.02000", "1.03000")
+    (tmp_path / "x.raw").write_text(THREE.read_text().replace(first, f"{first}\n{second}", 1))
+    case = psse.read_psse(tmp_path / "x.raw")
+    assert case.buses[1].v == 1.02
+    assert any("the machines at bus 102 have several VS; the first holds: 1.02 pu" in note for note in case.notes)
+
+
 def test_names_and_identifiers_are_those_of_the_file():
     case = psse.read_psse(TVC)
     assert [m.name for m in case.machines] == ["1/1", "2/1"]

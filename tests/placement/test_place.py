@@ -16,6 +16,7 @@ from stabctl.placement import evidence
 from stabctl.placement._simulated import CriticalTime
 from stabctl.placement.contingencies import Scenario
 from stabctl.placement.place import place
+from stabctl.placement.site_options import SiteOption
 from stabctl.placement.siting import Costs, Evidence
 from stabctl.simulation.contingency import Contingency
 
@@ -189,6 +190,18 @@ def test_some_caps_of_nothing(case):
     assert 6 not in {s.machine for s in found.sites}
 
 
+def test_the_bound_in_mw_is_that_of_what_a_mw_costs_where_it_is_built(case):
+    """At the price of a site in place of that of the study; with other costs too there is none."""
+    one = {"cap": 400.0, "machine": 9}
+    plain, dear = (study(case, NEAR_9, candidates=[SiteOption(29, **one, cost_per_mw=price)]) for price in (None, 2.0))
+    assert dear.lower_bound == pytest.approx(2 * plain.lower_bound, rel=1e-6)
+    assert dear.lower_bound_mw == pytest.approx(plain.lower_bound_mw, rel=1e-6)
+    assert 0.9 * plain.total_mw < plain.lower_bound_mw <= plain.total_mw * (1 + 1e-9)
+    of_site = study(case, NEAR_9, candidates=[SiteOption(29, **one, cost_per_site=30.0)])
+    assert of_site.lower_bound > plain.lower_bound
+    assert of_site.lower_bound_mw is None
+
+
 def test_dear_sites_are_fewer(case):
     cheap, dear = study(case, AT_16, AT_10), study(case, AT_16, AT_10, costs=Costs(site=200.0))
     assert (len(cheap.sites), len(dear.sites)) == (2, 1)
@@ -256,6 +269,9 @@ def test_the_mva_of_converters_and_the_largest_current_are_those_of_the_fleet(ca
         ({"costs": Costs(site=np.nan)}, "cost of nan per site"),
         ({"costs": Costs(mw=0.0, site=1.0)}, "costs per MW and per MWh are both 0"),
         ({"sites": 0}, "sites = 0 is not allowed"),
+        ({"sites": 1.5}, "sites = 1.5 is not allowed; it must be a whole number"),
+        ({"sites": "2"}, "sites = '2' is not allowed"),
+        ({"candidates": [(1.7, 29)]}, "machine"),
         ({"observe": 0.0}, "observation window of 0 s"),
         ({"observe": np.nan}, "is not a time"),
         ({"step": 1.0}, "step 1 s is too long"),

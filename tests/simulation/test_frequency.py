@@ -82,7 +82,10 @@ def test_a_machine_alone_in_its_island_is_tripped_and_the_rest_is_judged(points)
     assert (end.kind, end.stable) == ("islanded", True)
 
 
-@pytest.mark.parametrize("wrong", [{"min_frequency": 57}, {"max_frequency": 0.9}, {"frequency_delay_s": -1}])
+@pytest.mark.parametrize(
+    "wrong",
+    [{"min_frequency": 57}, {"max_frequency": 0.9}, {"frequency_delay_s": -1}, {"slowest": 1.1}, {"fastest": 0.9}],
+)
 def test_a_range_without_the_rated_frequency_is_refused(points, wrong):
     with pytest.raises(StudyError):
         simulate(points("two_area"), None, 1.0, criterion=Criterion(**wrong))

@@ -135,3 +135,49 @@ def test_the_margin_of_a_lost_run_is_that_of_its_island(both, alone):
     speeds = [_equivalent(point.simulate(lost, "4s")) for point in (both, alone)]
     assert speeds[0][1] == pytest.approx(speeds[1][1], rel=1e-12)
     assert speeds[0][0] == pytest.approx(speeds[1][0], abs=1e-7)
+
+
+def test_an_automatic_trip_happens_when_it_happens(alone):
+    """Bus 1 keeps its voltage until machine 1, cut off with it, has run away; the change of the network is then."""
+    run = alone.simulate("1-5@0.5s", "3s")
+    (off,) = run.happened.off_s[np.isfinite(run.happened.off_s)]
+    assert off > 1.5
+    tripped = [c.at for c in run.happened.changes if c.switching.tripped]
+    assert tripped == [pytest.approx(off, abs=1e-9)]
+    bus = [b.bus for b in run.point.case.buses].index(1)
+    voltage = run.voltage.values[:, bus]
+    assert run.energized[run.time < off - 1e-9, bus].all()
+    assert voltage[run.time < off - 1e-9].min() > 0.9
+    assert not run.energized[run.time > off, bus].any()
+
+
+def test_angles_are_against_the_island_of_that_moment(alone):
+    """The areas drift apart by turns; against its own, no machine has moved far."""
+    run = alone.simulate(["7-8@0.5s", "7-8#2@0.5s"], "4s")
+    angle = run.angle_from_coi_deg
+    before, after = run.time < 0.5 - 1e-9, run.time > 0.5
+    H = run.point.inertia
+    for rows, groups in ((before, [[0, 1, 2, 3]]), (after, [[0, 1], [2, 3]])):
+        for own in groups:
+            assert np.abs(angle[np.ix_(rows, own)] @ H[own]).max() < 1e-8
+    assert np.abs(angle[after]).max() < 25  # 19; 1951 against the center of all
+    assert np.ptp(np.rad2deg(run.arrays.angle[after] @ [1, 1, -1, -1])) > 500
+
+
+def test_angles_against_a_machine_that_is_off_are_not_known(alone):
+    table = alone.simulate(st.TripMachine(1, 0.5), 1.0).table("angle:2", angle_reference=1)
+    assert table[table.time_s < 0.5 - 1e-9].iloc[:, 1].notna().all()
+    assert table[table.time_s > 0.5].iloc[:, 1].isna().all()
+
+
+def test_a_group_whose_first_machine_is_off_is_seen_through_the_others():
+    """Controllers that read a group act as the law that does, after machine 1 of the two has been tripped."""
+    base = st.load("two_area").initialize(storage="2@6=50MW")
+    law = st.StorageLaw(("1+2",), deadband="0.05Hz")
+    events = [st.TripMachine(1, "0.2s"), st.Fault("7", "0.4s"), st.Clear("7", "0.5s")]
+    several = law.controllers(base.case)
+    assert any("deviation:1+2" in one.inputs for one in several)
+    runs = [base.simulate(events, "1.5s", control=control) for control in (law, [*several])]
+    power = [run.storage.values[run.time > 0.45] for run in runs]
+    assert np.abs(power[0]).max() > 40
+    assert np.mean(np.abs(power[1] - power[0]) > 1) < 0.05  # 0.008: instants of a relay differ by a step

@@ -63,3 +63,9 @@ def test_all_angles_of_the_last_seconds_are_held_however_many_rows_come_at_once(
 def test_an_interval_that_is_not_one_is_refused(points):
     with pytest.raises(StudyError, match="every = -1 s is not allowed"):
         points("two_area").simulate(FAULT, 5, every=-1)
+
+
+def test_an_interval_far_below_a_step_keeps_every_row(points):
+    """It once never ended."""
+    every, all_rows = (points("two_area").simulate(until=0.1, every=interval) for interval in (1e-9, 0))
+    assert np.array_equal(every.time, all_rows.time)

@@ -10,6 +10,7 @@ from ringdown import errors, modal_pole, ringdown
 
 import stabctl as st
 from stabctl._util.errors import StudyError
+from stabctl.smallsignal.analysis import analyze
 
 
 @pytest.fixture(scope="module")
@@ -171,3 +172,26 @@ def test_labels_and_export(thyristor):
     assert system.input_labels == ["reference SEXS 2"]
     bare = thyristor.linearize("vref:2", "speed:2")
     assert np.abs(loop.response([0.6]) - bare.response([0.6])).max() > 1e-5
+
+
+@pytest.mark.parametrize("rates", [(60, 59), (2,), (12, 15)])
+def test_frames_that_repeat_too_seldom_to_know_the_modes_are_refused(thyristor, rates):
+    """At 1/s a mode of 1.1 Hz would be one of 0.1 Hz."""
+    gain = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[1e-9]]
+    outputs = "order:1@5", "order:2@6"
+    with pytest.raises(StudyError, match=r"repeat every .* s, so that modes above .* Hz are not known"):
+        thyristor.closed_loop(
+            *(st.Controller(("deviation:1",), (y,), *gain, rate=r) for y, r in zip(outputs, rates, strict=False))
+        )
+
+
+def test_a_sampled_loop_has_no_continuous_analysis(thyristor):
+    loop = thyristor.closed_loop(damper().sampled(60))
+    with pytest.raises(StudyError, match="has sampled controllers; use modes"):
+        analyze(loop)
+
+
+def test_a_pole_has_no_frequency_response(thyristor):
+    """The energy is an integral."""
+    with pytest.raises(StudyError, match="has a pole at one of the frequencies"):
+        thyristor.linearize("order:1@5", "energy:1@5").response([0.0])

@@ -194,6 +194,14 @@ def test_loops_of_several_rates_are_refused(cases):
         base.limit_cycles(one, linear)
 
 
+@pytest.mark.parametrize(("band", "rate"), [("0..1Hz", None), ("5..10Hz", 20)])
+def test_a_band_that_is_not_searched_is_refused(cases, band, rate):
+    base = cases("two_area").initialize(storage="50MW")
+    one = st.Controller.from_control(LAG, "deviation:1", "order:1@5", limits=1.0, rate=rate)
+    with pytest.raises(StudyError, match="The band must begin above 0 Hz and below"):
+        base.limit_cycles(one, band=band)
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from islands import joined, single
 from records import gencls
 
 from reproduction import paper
@@ -45,6 +46,14 @@ def test_its_critical_time_is_that_of_the_simulation(two):
     exact = equivalent(two, 1).critical().cycles
     fault = clearing_time(two, "1", resolution="0.015625cyc", limit="30cyc", step=1 / 480)
     assert fault.cycles <= exact < fault.cycles + 1 / 64 + 0.01
+
+
+def test_machines_of_another_island_do_not_count(two):
+    """Two copies without a connection: the equivalent is that of one; a machine alone has none."""
+    found, one = equivalent(joined(io.load("two_area"), io.load("two_area")), 1), equivalent(io.load("two_area"), 1)
+    assert [found.HCOI, found.Pm1, found.X] == pytest.approx([one.HCOI, one.Pm1, one.X], rel=1e-9)
+    with pytest.raises(StudyError, match="no other machine connected"):
+        equivalent(joined(two, single(io.load("two_area"), 100.0)), 1001)
 
 
 def test_one_machine_of_a_large_case(two):

@@ -135,8 +135,11 @@ def _records(table: Assignment) -> list[tuple[Any, Place]]:
         raise table.place.error("it must be a matrix, in square brackets.", table.name)
     record, columns = RECORDS[table.name], COLUMNS[table.name]
     kinds = [(name, columns.index(name), record.__annotations__[name] is int) for name in record._fields]  # type: ignore[attr-defined]
-    width, found = 0, []
-    for row, values in zip(table.rows, _parsed(table), strict=True):
+    width, found, parsed = 0, [], _parsed(table)
+    if len(parsed) != len(table.rows):  # a quote takes several rows for one text
+        bad = next((row for row in table.rows if {*row.text} & {*"'\""}), table.rows[0])
+        raise bad.place.error(f"{shown(bad.text.strip())} is not a row of numbers.")
+    for row, values in zip(table.rows, parsed, strict=True):
         width = width or len(values)
         if len(values) != width or width < LEAST[table.name]:
             least = width if width >= LEAST[table.name] else f"at least {LEAST[table.name]}"

@@ -12,7 +12,7 @@ and its power factor Vdc / (1.35 N E). Source: Kundur, Power System Stability an
 import cmath
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from stabctl.model.tables import Branch, Bus, Load, Machine
@@ -97,7 +97,7 @@ class Network(TableBuilder):
 def read(raw: Raw) -> Network:
     """Buses, shunts, lines and loads of a RAW file. Raises `CaseError` with line and field for the first mistake."""
     net = Network(raw)
-    for shunt, place in raw.of("shunt"):
+    for shunt, place in _once("shunt", raw.of("shunt")):
         if net.has(shunt.I, place) and shunt.STATUS:
             net.shunt(shunt.I, shunt.GL, shunt.BL)
     for shunt, place in raw.of("switched_shunt"):
@@ -111,11 +111,21 @@ def read(raw: Raw) -> Network:
     for k, place in raw.of("switch"):
         if net.has(k.I, place) and net.has(k.J, place, "J") and k.STAT:
             net.circuit(Branch(k.I, k.J, 0.0, k.X, circuit=k.CKT), place)
-    for load, place in raw.of("load"):
+    for load, place in _once("load", raw.of("load")):
         if net.has(load.I, place) and load.STATUS:
             for row in _loads(load):
                 net.add("loads", row, place)
     return net
+
+
+def _once(noun: str, records: Iterable[tuple[Any, Place]]) -> Iterator[tuple[Any, Place]]:
+    """Records of a bus and an identifier. Raises `CaseError` for one that appears twice."""
+    seen: dict[tuple[int, str], Place] = {}
+    for one, place in records:
+        first = seen.setdefault((one.I, one.ID), place)
+        if first is not place:
+            raise place.error(f"{noun} {one.I}/{one.ID} appears twice, first in line {first.line}.", "ID")
+        yield one, place
 
 
 def _loads(load: Any) -> Sequence[Load]:
@@ -174,6 +184,9 @@ def _bus_kind(net: Network, bus: int, units: list[tuple[Any, Place]]) -> None:
     row, (first, place) = net.bus(bus), units[0]
     if row.kind == "pq":
         return
+    held = [g.VS for g, _ in units]
+    if max(held) - min(held) > SAME_VOLTAGE:
+        net.corrections.append(f"{place}: the machines at bus {bus} have several VS; the first holds: {first.VS:g} pu.")
     remote = first.IREG not in (0, bus)
     if remote or abs(first.VS - row.v) <= SAME_VOLTAGE:
         if remote:

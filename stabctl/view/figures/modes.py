@@ -71,7 +71,8 @@ def plot_modes(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
     for ratio in RATIOS:
         ray(ax, ratio, left, top)
     look = {"frameon": False, "fontsize": "small", "columnspacing": 1, "handletextpad": 0}
-    ax.legend(loc="lower center", bbox_to_anchor=(0.45, 1), ncols=3, **look)
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(loc="lower center", bbox_to_anchor=(0.45, 1), ncols=3, **look)
     return ax
 
 

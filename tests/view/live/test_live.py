@@ -256,6 +256,8 @@ def test_how_the_case_was_loaded_is_in_the_lines():
     python = "st.load('two_area', loads='current').with_motors(0.4).set({'pss.1.K': '3'}).classical()"
     assert found == commands.Source(python, words)
     assert eval(found.python, {"st": st}) == options.load()
+    found = source(CaseOptions("two_area", conventions="psse"))
+    assert found == commands.Source("st.load('two_area', conventions='psse')", ("two_area", "--conventions", "psse"))
 
 
 def test_only_its_own_page_gets_an_answer(pages):

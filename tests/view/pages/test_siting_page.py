@@ -267,6 +267,3 @@ def test_the_percentages_are_those_of_the_record(plain):
     assert bound < cost
     kwh = float(re.search(r"([\d.]+) MW and ([\d.]+) kWh", page)[2])
     assert kwh == round(1e3 * (0.0123 + 0.004)) == round(1e3 * plain.total_mwh)
-    assert replace(plain, costs=Costs(mw=2.0)).lower_bound_mw == 57.0 / 2
-    assert replace(plain, costs=Costs(mwh=2.0)).lower_bound_mw is None
-    assert replace(plain, costs=Costs(site=2.0)).lower_bound_mw is None
