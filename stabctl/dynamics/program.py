@@ -168,7 +168,7 @@ def _called(one: Family, row: int) -> str:
 
 def _graph(families: Sequence[Family], nodes: Sequence[Node]) -> dict[int, set[int]]:
     """For each node, the nodes whose outputs it reads, which may include itself."""
-    size = 1 + max((int(f.w.max(initial=0)) + family.size(f)[2] for f in families if len(f.w)), default=0)
+    size = 1 + max(int(f.w.max(initial=0)) + family.size(f)[2] for f in families if len(f.w))
     maker = np.full(size, -1)
     for n, (i, op, rows) in enumerate(nodes):
         if op != RATES:

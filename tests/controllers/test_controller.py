@@ -43,10 +43,10 @@ def test_a_gain_at_frames_is_the_python_function(base):
 def test_orders_are_late_by_the_delay(base):
     late = st.Controller.from_control(control.ss([], [], [], [[300.0]]), "deviation:1", "order:1@5", rate=60)
     first = []
-    for frames in (0, 3, 12):
+    for frames in (0, 1, 3, 12):
         run = base.simulate(STEP, "1s", control=late.delayed(frames / 60))
         first.append(run.time[np.flatnonzero(np.abs(order(run)) > 1e-9)[0]])
-    assert np.diff(first) == pytest.approx([3 / 60, 9 / 60], abs=1e-9)
+    assert np.diff(first) == pytest.approx([1 / 60, 2 / 60, 9 / 60], abs=1e-9)
 
 
 def test_limits_hold_and_are_left_without_windup(base):

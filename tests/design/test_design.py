@@ -1,6 +1,7 @@
 """Designed controllers: what they promise holds in the closed loop, and in the simulation."""
 
 import json
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -11,6 +12,7 @@ import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.design import gep, lqr, pod, pss
 from stabctl.design.pod import compensator
+from stabctl.design.result import least
 
 
 @pytest.fixture(scope="module")
@@ -114,3 +116,8 @@ def test_commands(stabctl, tmp_path):
 def test_mistakes(base, call, says):
     with pytest.raises(StudyError, match=says):
         call(base)
+
+
+def test_without_oscillations_the_damping_is_1_and_of_no_mode(cases):
+    modes = cases("two_area").modes()
+    assert least(replace(modes, eigenvalues=-1.0 - np.arange(len(modes)) + 0j)) == (1.0, -1)

@@ -244,3 +244,22 @@ def test_damaged_files_are_read_or_refused_in_a_sentence(written):
             net[[at[row.from_bus], at[row.to_bus]]] += power * flow.case.base_mva
         assert np.abs(net).max() < 1e-3 * max(1, np.abs(flow.S).max())
     assert 100 < read < 450
+
+
+def test_without_a_swing_bus_the_first_machine_has_it(written):
+    text = SMALL.replace("0 0 0 0 1 9 -9 20", "0 0 0 0 2 9 -9 20")
+    assert text != SMALL
+    case = st.load(written(text))
+    assert [b.kind for b in case.buses if b.bus in (1, 2)] == ["swing", "pv"]
+    assert any("there is no reference bus with a generator; bus 1 becomes it" in note for note in case.notes)
+
+
+def test_saturation_of_a_machine_without_subtransient_circuits_is_left_out_and_said(written):
+    """Of the machine at bus 1, x''d = 0 and saturation 0.1 and 0.4."""
+    old = "0.15 0 1.8 0.3 0.25 8 0.03...\n              1.7 0.55 0.25 0.4 0.05 3.5 0 0 1;"
+    new = "0.15 0 1.8 0.3 0    8 0...\n              1.7 0.55 0    0.4 0    3.5 0 0 1 0.1 0.4;"
+    text = SMALL.replace(old, new).replace("5 0 0 2];", "5 0 0 2 0 0];")
+    assert new in text
+    case = st.load(written(text))
+    assert 1 in case.devices["two_axis"]
+    assert any(re.search(r"line 8.*: machine 1 has no subtransient circuits; its saturation", n) for n in case.notes)

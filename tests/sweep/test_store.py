@@ -8,7 +8,7 @@ from stabctl._util.errors import StudyError
 from stabctl.jobs import Row, store
 from stabctl.jobs.task import About
 from stabctl.sweep.job import SWEEP, Job
-from stabctl.sweep.results import read, rows
+from stabctl.sweep.results import cell, read, rows
 
 
 def row(key, message=None, **found):
@@ -197,3 +197,15 @@ def test_rows_that_are_no_results(tmp_path, damage):
         base.executescript(damage)
     with pytest.raises(StudyError, match=r"it is damaged|its columns are not those"):
         rows(path)
+
+
+def test_cells_are_words_and_six_digits():
+    given = [
+        ("monotone", True),
+        ("monotone", False),
+        ("monotone", None),
+        ("x", 1.23456789),
+        ("y", "two_area"),
+        ("z", 3),
+    ]
+    assert [cell(*one) for one in given] == ["yes", "no", "", "1.23457", "two area", "3"]

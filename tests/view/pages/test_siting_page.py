@@ -48,6 +48,7 @@ def siting():
         1.5,
         places,
         "A system & more",
+        lower_bound_mw=57.0,
     )
 
 
