@@ -2,6 +2,7 @@
 
 import difflib
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 
 PLURALS = {"branch": "branches", "bus": "buses", "contingency": "contingencies"}
@@ -41,6 +42,16 @@ def near(wanted: str, known: Iterable[str], there: str = "it has") -> str:
     if similar:
         return f"did you mean {' or '.join(similar)}?"
     return f"{there} {', '.join(known[:8])}" + (f" and {len(known) - 8} more." if len(known) > 8 else ".")
+
+
+def numbered(names: Iterable[int | str]) -> list[int | str]:
+    """The names made unique: the second of a name gets `#2`."""
+    seen: Counter[int | str] = Counter()
+    found: list[int | str] = []
+    for name in names:
+        seen[name] += 1
+        found.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
+    return found
 
 
 def number(value: float, digits: int) -> str:

@@ -100,6 +100,8 @@ class Controller:
     def __post_init__(self) -> None:
         for key in ("inputs", "outputs"):
             object.__setattr__(self, key, _names(key, getattr(self, key)))
+        if self.law is None:
+            _matrix("A", self.A, (None, None))
         order = "ABCD" if np.size(self.A) else "DABC"  # of a gain alone, D says how many signals there are
         for key in order if self.law is None else "":
             object.__setattr__(self, key, _matrix(key, getattr(self, key), self._shape(key)))
@@ -120,6 +122,8 @@ class Controller:
         rate = self.rate
         if rate is not None:
             checked_frames(self.name, rate, self.delay)
+        if self.gate is not None and not isinstance(self.gate, Gate):
+            raise StudyError(f"{self.name}: gate = {shown(self.gate)} is not a gate; give Gate('voltage:7', low=0.8).")
         if self.law is not None and rate is None:
             raise StudyError(f"{self.name}: a Python function is called at a fixed rate; give it, such as rate=60.")
         low, high = checked_limits(self.name, self.limits)
@@ -246,7 +250,10 @@ class Controller:
         """
         checked_law(law)
         names, none = (_split(inputs), _split(outputs)), np.zeros((0, 0))
-        start = tuple(map(float, start))
+        try:
+            start = tuple(map(float, start))
+        except (TypeError, ValueError):
+            raise StudyError(f"start = {shown(start)} are not states; give a list of numbers: [0.0].") from None
         return cls(*names, none, none, none, none, rate=rate, law=law, start=start, **more)
 
     def delayed(self, delay: str | float) -> "Controller":
@@ -331,8 +338,10 @@ class Controller:
             raise StudyError(f"{self.name} is sampled already, at {self.rate}/s.")
         from .from_control import tustin
 
+        late = duration("delay", delay)
+        checked_frames(self.name, rate, late)
         A, B, C, D = tustin(self.A, self.B, self.C, self.D, rate)
-        return replace(self, A=A, B=B, C=C, D=D, rate=rate, delay=duration("delay", delay))
+        return replace(self, A=A, B=B, C=C, D=D, rate=rate, delay=late)
 
     def to_control(self) -> "control.StateSpace":
         """The matrices as a python-control system with names, without delay, limits, deadband and gate.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import pi
 from typing import Annotated, NamedTuple
 
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE
 from stabctl._util.validation import guard
@@ -79,6 +80,8 @@ class Feedback(Law):
 
     def __post_init__(self) -> None:
         guard(self, omitted=False)
+        if not isinstance(self.braking, bool):
+            raise StudyError(f"braking = {shown(self.braking)} is not allowed; give True or False.")
 
     @property
     def inertial(self) -> bool:  # type: ignore[override]

@@ -7,6 +7,8 @@ import numpy as np
 
 from stabctl._util.errors import StudyError, shown
 
+from .timing import checked_frames
+
 
 def parts(
     system: Any, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None, rate: int | None
@@ -39,6 +41,7 @@ def parts(
             )
         rate = round(own)
     elif rate is not None:
+        checked_frames("controller", rate, 0.0)
         A, B, C, D = tustin(A, B, C, D, rate)
     return {**names, "A": A, "B": B, "C": C, "D": D, "rate": rate}
 

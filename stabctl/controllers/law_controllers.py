@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stabctl._util.errors import StudyError, shown
-from stabctl.model import naming
+from stabctl._util.wording import numbered
 
 from .bang_bang import BangBang
 from .controller import Controller
@@ -33,7 +33,8 @@ def controllers(law: Law, case: "Case") -> tuple[Controller, ...]:
     if not hasattr(case, "storage") or not hasattr(case, "frequency_hz"):
         raise StudyError(f"{shown(case)} is not a case; give st.load(...), or the case of an operating point.")
     hz, made = case.frequency_hz, []
-    for name, device in zip(naming.keys(case, "storage"), case.storage, strict=True):
+    names = numbered(f"{device.machine}@{device.bus}" for device in case.storage)
+    for name, device in zip(names, case.storage, strict=True):
         group = next((g for g in inner.groups if device.machine in g), (device.machine,))
         of = "+".join(map(str, group))
         inputs, gains, deadband = [f"deviation:{of}"], [1.0], 0.0

@@ -12,7 +12,7 @@ from stabctl import devices
 from stabctl._util.errors import EquilibriumError, StudyError, shown
 from stabctl._util.process import paused
 from stabctl._util.verbs import verb
-from stabctl._util.wording import enumerated, listed
+from stabctl._util.wording import enumerated, listed, near
 from stabctl.model import fleet, network, powerflow
 from stabctl.model.case import Case, not_a_system
 from stabctl.model.fleet import Fleet
@@ -181,6 +181,8 @@ class OperatingPoint:
         >>> parameters["H"]
         array([6.5  , 6.5  , 6.175, 6.175])
         """
+        if table not in devices.every():
+            raise StudyError(f"There is no model {shown(table)}; {near(table, devices.every(), 'there are')}")
         names = devices.every()[table].Par._fields
         if not self.system.has(table):
             return np.zeros(0, np.int64), {name: np.zeros(0) for name in names}
@@ -259,6 +261,8 @@ class OperatingPoint:
         >>> base.resized([20]).case.storage[0].rating
         20.0
         """
+        if len(ratings := list(ratings)) != len(self.case.storage):
+            raise StudyError(f"{self.case.name} has {len(self.case.storage)} storage devices; give a rating for each.")
         pairs = zip(self.case.storage, ratings, strict=True)
         case = fleet.extended(self.case, (fleet.resized(s, float(rating)) for s, rating in pairs))
         stages = {} if in_network(case) else self.stages

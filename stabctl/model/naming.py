@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from stabctl._util.errors import StudyError, shown
-from stabctl._util.wording import near
+from stabctl._util.wording import near, numbered
 
 from . import tables
 from .tables import TABLES, Branch, Key, Tables
@@ -113,16 +113,6 @@ def keys(case: Tables, table: str) -> list[Key]:
             return numbered(f"{s.machine}@{s.bus}" for s in rows)
         case _:
             return numbered(row[0] for row in rows)
-
-
-def numbered(names: Iterable[Key]) -> list[Key]:
-    """The names made unique: the second of a name gets `#2`."""
-    seen: Counter[Key] = Counter()
-    found: list[Key] = []
-    for name in names:
-        seen[name] += 1
-        found.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
-    return found
 
 
 def circuits(branches: Iterable[Branch]) -> list[Circuit]:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from stabctl._util.errors import StudyError
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import seconds
 from stabctl.dynamics.operating_point import Fleet, OperatingPoint, operating_point
 from stabctl.model.case import Case
@@ -80,6 +80,8 @@ def simulate(
     rules, apart = checked(criterion, hz), seconds(every, hz)
     if not 0 <= apart < float("inf"):
         raise StudyError(f"every = {apart:g} s is not allowed; it must be at least 0.")
+    if not isinstance(record, bool):
+        raise StudyError(f"record = {shown(record)} is not allowed; give True or False.")
     options: Any = {"step": h, "criterion": rules, "record": record, "every": apart, "progress": progress}
     idle = any(s.rating for s in point.case.storage) and not commanded(law)
     return replace(run(point, contingency, end, law, **options), idle=idle)

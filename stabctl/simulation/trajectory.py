@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from stabctl._util import files
-from stabctl._util.errors import StudyError
+from stabctl._util.errors import StudyError, shown
 from stabctl._util.tabular import csv_text
 from stabctl._util.verbs import verb
+from stabctl._util.wording import near
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.model import naming
 
@@ -258,6 +259,8 @@ class Trajectory:
         >>> st.load("two_area").simulate("7-8@1s", until="2s").values("voltage").shape
         (241, 11)
         """
+        if quantity not in QUANTITIES:
+            raise StudyError(f"There is no quantity {shown(quantity)}; {near(quantity, QUANTITIES, 'there are')}")
         found = QUANTITIES[quantity].values(self.arrays)
         return np.where(self.on, found, np.nan) if QUANTITIES[quantity].while_on else found
 

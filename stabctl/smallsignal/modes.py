@@ -155,10 +155,7 @@ class Modes(Tabular):
 
     @cached_property
     def shares(self) -> np.ndarray:
-        """Magnitudes of the participation factors (states, modes), each column scaled to a sum of 1.
-
-        0 of an eigenvalue whose left and right vectors are orthogonal: it lacks a vector.
-        """
+        """Magnitudes of the participation factors (states, modes), scaled to a sum of 1; 0 where one is missing."""
         size = np.abs(self.participation)
         return size / np.maximum(size.sum(axis=0), np.finfo(float).tiny)
 
