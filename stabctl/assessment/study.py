@@ -27,7 +27,7 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.simulate import simulate
-from stabctl.smallsignal.analysis import modes
+from stabctl.smallsignal.analysis import DAMPING, modes
 
 from .prices import Prices
 from .prices import prices as priced
@@ -177,7 +177,7 @@ class _Work(NamedTuple):
         yield now
         tell(0.0, "modes")
         try:
-            now = replace(now, modes=modes(point, BAND))
+            now = replace(now, modes=modes(point, BAND, damping=(DAMPING[0], max(DAMPING[1], now.wanted.damping))))
         except LinearizationError as error:
             now = replace(now, no_modes=str(error))
         yield now

@@ -76,7 +76,7 @@ def clearing_time(
         Range below and above the answer in which every eighth of a cycle (every point of a coarser grid) is tried:
         "4cyc", or seconds; with 0 only the fault half a cycle shorter is tried. By default 4 cycles above, and below as
         the last swings of the answer demand: 2 cycles, 1 if they are below 60 degrees and do not grow, and half a
-        cycle if they decay or are below 30 degrees.
+        cycle if they decay, or are below 30 degrees and do not grow.
     step, criterion
         As in `simulate`.
     criteria : Criteria, str or Path, optional

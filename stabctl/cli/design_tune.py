@@ -47,8 +47,8 @@ Wanted = Annotated[
     float | None,
     Option("--damping", min=0.0, max=0.9, help="Damping ratio from which the gains are lowered (default: the most)."),
 ]
-OutagesOption = Annotated[bool, Option("--n-1", help="Also tune for the outage of each branch.")]
-Levels = Annotated[str, Option("--levels", metavar="LIST", help="Load levels: 0.8,1.")]
+OutagesOption = Annotated[bool, Option("--n-1", help="Also tune for the outage of each branch (in Python by default).")]
+Levels = Annotated[str, Option("--levels", metavar="LIST", help="Load levels, such as 0.8,1 (the default in Python).")]
 Gains = Annotated[str, Option("--gains", metavar="LIST", help="Factors of all gains that count, too: 0.7,1.3 or none.")]
 Sensitivity = Annotated[
     float, Option("--sensitivity", min=0.0, help="Bound of the sensitivity |S| of every loop; 0: none.")

@@ -49,7 +49,7 @@ Sparse = Annotated[
     bool | None,
     Option(
         "--sparse/--all",
-        help="Only modes of the band with damping ratio -0.1 to 0.3, or all (default: all, up to 2000 states).",
+        help="Only modes of the band with damping ratio -0.5 to 0.3, or all (default: all, up to 2000 states).",
     ),
 ]
 Parameters = Annotated[

@@ -281,7 +281,12 @@ Estimator = Annotated[
 PmuRate = Annotated[int, Option("--pmu-rate", help="PMU reports per second.")]
 PmuNoise = Annotated[
     float,
-    Option("--pmu-noise-mrad", parser=in_unit("mrad"), metavar="ANGLE", help="Noise of the phasor angles, mrad."),
+    Option(
+        "--pmu-noise-mrad",
+        parser=in_unit("mrad"),
+        metavar="ANGLE",
+        help="Noise of the phasor angles, mrad, and magnitudes, per mille.",
+    ),
 ]
 Latency = Annotated[
     float, Option("--latency-ms", parser=in_unit("ms"), metavar="TIME", help="Latency of remote reports, ms.")

@@ -5,6 +5,7 @@ from dataclasses import KW_ONLY, dataclass, field
 from math import inf
 from typing import Annotated, get_args
 
+import numpy as np
 from annotated_types import Ge
 
 from stabctl._util.errors import StudyError, shown
@@ -86,6 +87,8 @@ class EstimatorControl:
             raise StudyError(f"check_pmus = {shown(self.check_pmus)} is not allowed; give True or False.")
         for name in ("inertia_factor", "reactance_factor"):
             given = getattr(self, name)
+            given = tuple(given.tolist()) if isinstance(given, np.ndarray) else given
+            object.__setattr__(self, name, given)
             several = given if isinstance(given, Sequence) and not isinstance(given, str) else (given,)
             if not all(isinstance(k, int | float) and not isinstance(k, bool) and 0 < k < inf for k in several):
                 raise StudyError(f"{name} = {shown(given)} is not allowed; give numbers above 0.")

@@ -34,9 +34,11 @@ class Bus(NamedTuple):
     angle: Annotated[float, "deg", "voltage angle of the swing bus; initial guess elsewhere"] = 0.0
     g: Annotated[float, "MW", "shunt conductance: power consumed at 1 pu voltage"] = 0.0
     b: Annotated[float, "Mvar", "shunt susceptance: reactive power produced at 1 pu voltage"] = 0.0
-    rated: Annotated[float, "kV", "rated voltage, for information only", NOT_NEGATIVE] = 0.0
+    rated: Annotated[
+        float, "kV", "rated voltage: tells lines from transformers in a screen, chooses buses of criteria", NOT_NEGATIVE
+    ] = 0.0
     name: Annotated[str, "-", "name of the bus"] = ""
-    area: Annotated[int, "-", "area, for information only", NOT_NEGATIVE] = 0
+    area: Annotated[int, "-", "area: chooses buses of criteria", NOT_NEGATIVE] = 0
     zone: Annotated[int, "-", "zone, for information only", NOT_NEGATIVE] = 0
     owner: Annotated[int, "-", "owner, for information only", NOT_NEGATIVE] = 0
     x: Annotated[float, "-", "position in diagrams, to the right (x = y = 0: automatic)"] = 0.0

@@ -22,7 +22,7 @@ from .modes import Modes
 
 LARGE = 2000  # states beyond which only modes of a band are computed: all would take minutes
 BAND = (0.1, 2.5)  # Hz   electromechanical modes
-DAMPING = (-0.1, 0.3)  # damping ratios of a selection
+DAMPING = (-0.5, 0.3)  # damping ratios of a selection
 
 
 def modes(

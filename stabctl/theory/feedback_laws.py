@@ -131,11 +131,12 @@ def respond(m: OMIB, clearing: float, law: FeedbackLaw, *, until: float = 5.0) -
 
     Raises StudyError as `power_law` and `swing_curve` do, and where the speed would grow by more than 1000.
     """
+    power = power_law(m, law)
     growth = -law.Kv / (m.M + law.Ka) * until
     if not law.magnitude and growth > 7:
         least = -7 * (m.M + law.Ka) / until
         raise StudyError(f"Law {law.name!r}: with Kv = {law.Kv:g} the speed grows; give at least {least:.3g}.")
-    curve = swing_curve(m, clearing, power_law(m, law), until=until)
+    curve = swing_curve(m, clearing, power, until=until)
     peaks = [angle for _, angle in curve.rests[::2]]
     damping = math.nan
     if curve.stable and len(peaks) > 1 and peaks[1] > m.stable:

@@ -266,6 +266,8 @@ def test_the_mva_of_converters_and_the_largest_current_are_those_of_the_fleet(ca
         ({"cap": "0MW"}, "cap of 0MW is not allowed"),
         ({"cap": "1e300MW"}, "not realistic"),
         ({"costs": Costs(mw=-1.0)}, "cost of -1 per MW"),
+        ({"costs": None}, "costs = None are not costs"),
+        ({"costs": Costs(mw="a")}, "are not costs"),
         ({"costs": Costs(site=np.nan)}, "cost of nan per site"),
         ({"costs": Costs(mw=0.0, site=1.0)}, "costs per MW and per MWh are both 0"),
         ({"sites": 0}, "sites = 0 is not allowed"),

@@ -117,3 +117,13 @@ def test_a_converter_has_outputs_and_no_speed():
     assert point.linearize(outputs="speed").C.shape[0] == 1
     with pytest.raises(StudyError, match="without a rotor"):
         point.linearize(outputs="speed:1")
+
+
+def test_a_swing_that_grows_fast_is_found(cases):
+    """With the wrong sign of all stabilizers the damping ratios are -0.36, -0.35 and -0.27."""
+    case = cases("two_area").set({f"pss.{k}.K": -20.0 for k in (1, 2, 3, 4)})
+    every, found = case.modes(), case.modes(sparse=True)
+    inside = [k for k in every.within(0.1, 2.5) if -0.5 < every.damping_ratio[k] < 0.3]
+    assert sorted(every.damping_ratio[inside]) == pytest.approx([-0.363, -0.345, -0.274], abs=5e-4)
+    assert np.sort(every.eigenvalues[inside]) == pytest.approx(np.sort(found.eigenvalues), rel=1e-9)
+    assert not found.stable
