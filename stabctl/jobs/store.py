@@ -5,6 +5,7 @@ the file, and an interrupted commit has no effect.
 """
 
 import os
+import re
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -132,7 +133,7 @@ def _checked(row: dict[str, Any], path: Path, kind: Kind) -> dict[str, Any]:
         value is None
         or (
             (isinstance(value, (int, float) if types[name] is float else types[name]))
-            and (not isinstance(value, str) or value.isprintable())
+            and (not isinstance(value, str) or not re.search(r"[\x00-\x1f\x7f]", value))
         )
         for name, value in row.items()
     )

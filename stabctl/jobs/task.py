@@ -10,6 +10,7 @@ import json
 import os
 import pickle
 import platform
+import sys
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
@@ -187,7 +188,7 @@ def _plain(value: Any) -> Any:
         return _plain(value.tolist())
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         named = {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-        return {"class": type(value).__name__, **named}
+        return {"class": type(value).__name__, **_source(type(value)), **named}
     if isinstance(value, tuple) and hasattr(value, "_asdict"):
         return _plain(value._asdict())
     if hasattr(value, "model_dump"):  # a pydantic model
@@ -201,6 +202,19 @@ def _plain(value: Any) -> Any:
         f"The Python function or object {what} cannot be kept in a store or sent to a cluster, because a later change "
         "of it would go unnoticed; give a law or a controller with matrices, or leave out the store and the scheduler."
     )
+
+
+def _source(kind: type) -> dict[str, str]:
+    """The text of the file of a class that is not the package's own: a change of it changes what the class does."""
+    if kind.__module__.partition(".")[0] == "stabctl":
+        return {}
+    file = getattr(sys.modules.get(kind.__module__), "__file__", None)
+    if file is None:
+        raise StudyError(
+            f"{kind.__name__} is not in a file, so a later change of it would go unnoticed in a store; write it to "
+            "one, or leave out the store and the scheduler."
+        )
+    return {"source": Path(file).read_text(encoding="utf-8")}
 
 
 _known: OrderedDict[str, OperatingPoint] = OrderedDict()

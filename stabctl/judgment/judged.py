@@ -233,15 +233,14 @@ class _Seen:
                 yield f"{rule.name}: {place.name} is {place.told} when the run ends at {end:.3f} s; simulate longer."
 
     def _angle(self, rule: Angle) -> "Iterator[Violation | str]":
-        angle, island = self.run.angle_from_coi_deg, self.run.happened.island[self.run.point.rotors.unit]
+        angle, island, names = self.run.angle_from_coi_deg, self.run.rotor_island, self.run.point.rotor_names
         most = float(np.rad2deg(radians(rule.separation)))
         for one in np.unique(island[island >= 0]):
-            inside = angle[:, island == one]
-            apart = np.nanmax(inside, axis=1) - np.nanmin(inside, axis=1)
+            high, low = (np.where(island == one, angle, beyond) for beyond in (-np.inf, np.inf))
+            apart = high.max(axis=1) - low.min(axis=1)
             if (beyond := np.flatnonzero(apart > most)).size:
-                names = [n for n, i in zip(self.run.point.rotor_names, island, strict=True) if i == one]
                 row = beyond[0]
-                pair = names[int(np.nanargmax(inside[row]))], names[int(np.nanargmin(inside[row]))]
+                pair = names[int(high[row].argmax())], names[int(low[row].argmin())]
                 where, limit = f"machines {pair[0]} and {pair[1]}", f"not more than {most:g} degrees apart"
                 yield Violation(rule.name, where, float(self.time[row]), float(apart.max()), "degrees", limit)
 

@@ -99,14 +99,20 @@ class Trajectory:
         return np.array([stage(self.point, c.switching).net.alive for c in self.happened.changes])[self._change]
 
     @cached_property
+    def rotor_island(self) -> np.ndarray:
+        """Island of every rotor (rows, rotor units); -1 if it is off."""
+        found = [stage(self.point, c.switching).net.island[self.point.rotors.unit] for c in self.happened.changes]
+        return np.array(found)[self._change]
+
+    @cached_property
     def angle_from_coi_deg(self) -> np.ndarray:
         """Angles (rows, rotor units) relative to the COI of the rotors of the same island then; nan if off."""
         angle, found = self.arrays.angle, np.full(self.arrays.angle.shape, np.nan)
-        for k, change in enumerate(self.happened.changes):
-            island = stage(self.point, change.switching).net.island[self.point.rotors.unit]
-            for one in np.unique(island[island >= 0]):
-                own, H = np.ix_(self._change == k, island == one), self.point.inertia[island == one]
-                found[own] = angle[own] - (angle[own] @ H / np.maximum(H.sum(), 1e-9))[:, None]
+        for one in np.unique(self.rotor_island[self.rotor_island >= 0]):
+            mine = self.rotor_island == one
+            weight = self.point.inertia * mine
+            center = (weight * angle).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-9)
+            found = np.where(mine, angle - center[:, None], found)
         return np.rad2deg(found)
 
     @cached_property

@@ -118,20 +118,24 @@ def run_sweep(
         raise StudyError("workers and scheduler cannot be used together; give one of them.")
     began, workers = time.perf_counter(), process.used(workers)
     more = [str(Path(one).resolve()) for one in controllers]
+    if comma := next((one for one in more if "," in one), None):
+        raise StudyError(
+            f"The file of a controller has a comma in its path, {comma}, which separates files; rename it."
+        )
     jobs = (job._replace(controller=", ".join(filter(None, [job.controller, *more]))) for job in study_file.read(study))
     wanted = tasks(jobs, study)
     with Store(out, SWEEP) as store:
         before = store.statuses()
         missing = [t for t in wanted if t.key not in before or (retry and before[t.key] != "ok")]
-        there, interrupted = len(wanted) - len(missing), False
+        there, ended, interrupted = len(wanted) - len(missing), 0, False
         try:
             if progress:
                 progress(there, len(wanted))
             with closing(_rows(missing, workers, scheduler)) as rows:
-                for done, row in enumerate(rows, 1):
+                for ended, row in enumerate(rows, 1):
                     store.add(row)
                     if progress:
-                        progress(there + done, len(wanted))
+                        progress(there + ended, len(wanted))
         except KeyboardInterrupt:
             interrupted = True
         after = store.statuses()
@@ -140,7 +144,7 @@ def run_sweep(
         Path(out),
         len(wanted),
         there,
-        len(found) - there,
+        ended,
         sum(status != "ok" for status in found),
         interrupted,
         _warnings(wanted),

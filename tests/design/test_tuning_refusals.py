@@ -68,6 +68,8 @@ def test_a_machine_alone_has_no_ring_down_to_compare(recwarn):
         (lambda c: tune(c, gains=(0,)), "a factor in gains = 0"),
         (lambda c: stabilizers(model="esst1a"), "model = 'esst1a'"),
         (lambda c: stabilizers(model="pss", stages=3), "2 stages, not 3"),
+        (lambda c: stabilizers(model="pss", stages="2"), "stages = '2' is not allowed"),
+        (lambda c: stabilizers(model="pss", washout=(3, 4)), "keeps its own washout"),
         (lambda c: stabilizers(lead=(1, 0.1)), "lead = (1, 0.1)"),
         (lambda c: stabilizers(gain=0), "gain = 0"),
         (lambda c: stabilizers(fast=-1), "fast = -1 is not allowed; give a number above 0"),

@@ -54,7 +54,8 @@ def electrical(p, x, u):
         inner = (p.Kvp + p.Kvi / s) * lag(p.Tr1)
         reactive["vt"] = -seen["V"] * inner
         reactive |= {n: reactive.get(n, 0 * s) - seen[n] * inner for n in ("P", "Q") if seen[n]}
-    reactive["vt"] = reactive["vt"] - p.Kqv * vf
+    if "PFlag" not in p._fields:  # REEC_A and REEC_D support the voltage in a dip alone
+        reactive["vt"] = reactive["vt"] - p.Kqv * vf
     active = {"Pref": power, "vt": -P * vf}
     if getattr(p, "PFlag", 0):
         active["wg"] = P * power
@@ -227,7 +228,7 @@ def test_curves_of_current_over_voltage_limit_it():
     reec_a = devices.every()["reec_a"]
     points = {"Vq1": 0.0, "Iq1": 0.0, "Vq2": 1.0, "Iq2": 1.0, "Vq3": 1.1, "Iq3": 1.0, "Vq4": 1.2, "Iq4": 1.0}
     points |= {"Vp1": 0.4, "Ip1": 0.1, "Vp2": 0.6, "Ip2": 0.3, "Vp3": 0.9, "Ip3": 1.0, "Vp4": 1.0, "Ip4": 1.0}
-    p = reec_a.prepare(reec_a.Par(0, **SMALL, **points)._replace(Kqv=9.0, Iqvmax=9.0, Vref0=1.0))
+    p = reec_a.prepare(reec_a.Par(0, **SMALL, **points)._replace(Kqv=9.0, Iqvmax=9.0, Vref0=1.0, Vdip=0.6))
     _, x, u = still(reec_a, p, CURRENTS)
     out = motion(reec_a, p, x, lambda t: u | {"vt": 1.0 if t < 0.1 else 0.5}, 0.6)
     assert out[-1, -2:] == pytest.approx([0.2, 0.5], abs=1e-6)

@@ -74,6 +74,8 @@ def electrical(p, x, u, _):
     if not p.VFlag:
         vref = held(q + getattr(p, "Vref1", 0.0), p.Vmin, p.Vmax)
     support = held(p.Kqv * outside((p.Vref0 or p.V0) - x.vm, p.dbd1, p.dbd2), p.Iqvmin, p.Iqvmax)
+    if "PFlag" in names and p.Vdip <= u.vt <= p.Vup:  # REEC_A and REEC_D: in a dip alone
+        support = 0.0
     most_p = most_q = p.Imax
     if curves:
         points = range(1, 11 if "Vq10" in names else 5)

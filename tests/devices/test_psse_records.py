@@ -101,6 +101,19 @@ def test_the_cutoff_of_st2cut_is_measured_from_the_voltage_at_the_start():
     u = {"omega": 1.01, "P": 0.0}
     outputs = [evaluate(st2cut, par, [0.0] * 6, u | {"vt": vt})[1][0] for vt in (1.03, 1.075, 1.085, 0.985, 0.975)]
     assert outputs == pytest.approx([0.1, 0.1, 0.0, 0.1, 0.0])
+    for bound, inside, outside in (("VCU", 0.5, 1.085), ("VCL", 1.5, 0.975)):  # the other one is 0: none
+        one = par._replace(VCU=0.0, VCL=0.0)._replace(**{bound: getattr(par, bound)})
+        outputs = [evaluate(st2cut, one, [0.0] * 6, u | {"vt": vt})[1][0] for vt in (1.03, inside, outside)]
+        assert outputs == pytest.approx([0.1, 0.1, 0.0])
+
+
+@pytest.mark.parametrize(("device", "field"), [("ieeest", "code"), ("st2cut", "code2"), ("pss2b", "code1")])
+def test_an_input_code_that_gives_nothing_is_refused(device, field):
+    """2 is the frequency of a bus in PSS/E, which is not represented."""
+    par = {"ieeest": ieeest, "st2cut": st2cut, "pss2b": pss2b}[device].Par
+    given = par(**{name: 1.0 for name in par._fields if name not in par._field_defaults})
+    assert not list(given.errors())
+    assert [name for name, _ in given._replace(**{field: 2}).errors()] == [field]
 
 
 def test_codes_and_flags_that_are_not_supported_are_named():

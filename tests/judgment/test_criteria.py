@@ -137,6 +137,15 @@ def test_frequency_angle_and_swings(run, tmp_path):
     assert run.judge(rules(tmp_path, text)).kept
 
 
+def test_angles_are_judged_before_a_machine_is_tripped_too(tmp_path):
+    """37 degrees between machines 1 and 4 until 1 s, then between 2 and 4 less."""
+    run = st.load("two_area").simulate(st.TripMachine(1, 1.0), until="2s")
+    text = '[[angle]]\nname = "d"\nseparation = "31.7deg"\n'
+    (found,) = run.judge(rules(tmp_path, text)).violations
+    assert found.at_s == 0
+    assert "machines 1 and 4" in str(found)
+
+
 def test_what_a_run_is_too_short_for_is_said(run, tmp_path):
     text = '[[voltage]]\nname = "r"\nbelow = 0.8\nrecover = "20s"\nbuses = "loads"\n'
     found = with_voltage(run, 9, [(0.0, 1.0), (1.0, 0.2), (9.0, 0.2)]).judge(rules(tmp_path, text))

@@ -33,6 +33,7 @@ from .case_values import Device
 SMALLEST = 1e-3  # of the largest gain
 STAGES = 5  # at most
 INERTIA = 4.0  # s   of a machine whose model has none
+USUAL_WASHOUT = 1.0, 20.0  # s   bounds
 WASHOUT = 10.0  # s   of a packaged stabilizer that the case does not have
 
 
@@ -238,7 +239,7 @@ def stabilizers(
     stages: int = 2,
     gain: float = 20.0,
     fast: float = 300.0,
-    washout: Range = (1.0, 20.0),
+    washout: Range = USUAL_WASHOUT,
     lead: Range = (0.02, 1.0),
     lag: Range = (0.02, 0.5),
     noise_filter: str | float = 0.0,
@@ -290,10 +291,12 @@ def stabilizers(
     """
     if model is not None and model not in MODELS:
         raise StudyError(f"model = {shown(model)} cannot be tuned; choose one of {', '.join(MODELS)}.")
+    shape = Stages(stages, washout, lead, lag)
     if model is not None and stages > MODELS[model].stages:
         raise StudyError(f"{devices.every()[model].name} has {MODELS[model].stages} stages, not {stages}.")
+    if model is not None and shape.washout != USUAL_WASHOUT:
+        raise StudyError(f"{devices.every()[model].name} keeps its own washout; leave out washout.")
     numbers = tuple(machines) if isinstance(machines, Iterable) and not isinstance(machines, str) else machines
-    shape = Stages(stages, washout, lead, lag)
     fast = checked_fast(fast)
     low_high, filter_s = checked_limits("stabilizers", limits), duration("noise_filter", noise_filter)
     if model is not None and filter_s:
@@ -326,7 +329,7 @@ def damper(
     fast: float = 100.0,
     delay: str | float | Sequence[str | float] = 0.0,
     notch: tuple[float, float] | None = None,
-    washout: Range = (1.0, 20.0),
+    washout: Range = USUAL_WASHOUT,
     lead: Range = (0.02, 1.0),
     lag: Range = (0.02, 0.5),
     limits: tuple[float, float] | float | None = None,

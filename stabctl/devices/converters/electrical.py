@@ -119,6 +119,7 @@ class Own(NamedTuple):
     vc: float  # voltage that the inner regulator holds
     bias: float  # added to the voltage reference with VFlag = 0
     low: float  # least active current over its limit: 0 for a plant, negative for storage
+    dips: float  # 1: reactive current is injected outside Vdip..Vup alone; 0: always
     most_p: float  # limits of the currents by voltage
     most_q: float
 
@@ -147,6 +148,8 @@ def commands(x, u, p, own):
     lagged, d_iq = lag(p.Tiq, q / divisor, x.iq)
     error = (p.Vref0 if p.Vref0 > 0 else p.V0) - vf
     injected = clip(p.Kqv * deadband(error, p.dbd1, p.dbd2), p.Iqvmin, p.Iqvmax)
+    if own.dips > 0.5:
+        injected = injected - while_within(injected, u.vt, p.Vdip, p.Vup)
     iq = clip((from_v if inner else lagged) + injected, -most_q, most_q)
     if p.PqFlag <= 0.5:
         most_p = low_value(most_p, root(p.Imax, iq))

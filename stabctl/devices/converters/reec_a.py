@@ -8,8 +8,8 @@ Vref - vf -> [Kvp + Kvi/s] with QFlag = 1, Qref/vf -> [1/(1+sTiq)] with QFlag = 
 
 vf = vt/(1+sTrv). Iqmax is the least of Imax and the curve VDL1 (vf), Ipmax of the curve VDL2 (vf) and what Imax leaves
 beside Iqcmd; with PqFlag = 1 the active current comes first. Outside Vdip..Vup integrals, lagged current and power
-order stay as they are. The injection after a dip (Thld, Iqfrz, Thld2) is not represented. The curves are constant
-beyond their ends; points at one voltage or below the one before are not used.
+order stay as they are, and only there Iqv is injected; after a dip (Thld, Iqfrz, Thld2) it is not. The curves are
+constant beyond their ends; points at one voltage or below the one before are not used.
 Source: WECC Renewable Energy Modeling Task Force, WECC Wind Plant Dynamic Modeling Guidelines (2014), REEC_A; PSS/E
 Model Library, REECA1.
 """
@@ -118,5 +118,5 @@ def equations(x, u, p):
     """Current commands (pu), and state derivatives (1/s)."""
     pref = u.Pref * u.wg if p.PFlag > 0.5 else u.Pref
     vf, _ = lag(p.Trv, u.vt, x.vm)
-    ip, iq, rates = commands(x, u, p, Own(pref, 0.0, vf, p.Vref1, 0.0, *curves(vf, p)))
+    ip, iq, rates = commands(x, u, p, Own(pref, 0.0, vf, p.Vref1, 0.0, 1.0, *curves(vf, p)))
     return Output(ip, iq), rates

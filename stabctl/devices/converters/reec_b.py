@@ -75,5 +75,5 @@ def equations(x, u, p):
     """Current commands (pu), and state derivatives (1/s)."""
     vf, _ = lag(p.Trv, u.vt, x.vm)
     most = p.Imax + 0 * vf
-    ip, iq, rates = commands(x, u, p, Own(u.Pref, 0.0, vf, 0.0, 0.0, most, most))
+    ip, iq, rates = commands(x, u, p, Own(u.Pref, 0.0, vf, 0.0, 0.0, 0.0, most, most))
     return Output(ip, iq), rates

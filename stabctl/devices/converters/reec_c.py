@@ -129,7 +129,7 @@ def guess(p: Par) -> State:
 def equations(x, u, p):
     """Current commands (pu), and state derivatives (1/s)."""
     vf, _ = lag(p.Trv, u.vt, x.vm)
-    ip, iq, d = commands(x, u, p, Own(u.Pref, 0.0, vf, 0.0, -1.0, *curves(vf, p)))
+    ip, iq, d = commands(x, u, p, Own(u.Pref, 0.0, vf, 0.0, -1.0, 0.0, *curves(vf, p)))
     d_soc = (p.P0 - u.P) / p.T if p.running > 0.5 else 0 * x.soc
     rates = State(vm=d.vm, pf=d.pf, vq=d.vq, iv=d.iv, iq=d.iq, pord=d.pord, soc=d_soc)
     return Output(available(ip, x.soc, p.SOCmin, p.SOCmax), iq), rates

@@ -9,8 +9,9 @@ Vref - vc -> [Kvp + Kvi/s] with QFlag = 1, Qref/vf -> [1/(1+sTiq)] with QFlag = 
 
 vf = vt/(1+sTrv). Iqmax is the least of Imax and the curve VDL1 (vf), Ipmax of the curve VDL2 (vf) and what Imax leaves
 beside Iqcmd; with PqFlag = 1 the active current comes first. Curves have up to ten points. Below Vblkl and above Vblkh
-both commands are zero at once. Outside Vdip..Vup integrals, lagged current and power order stay as they are. What is
-held for some time after a dip or a blocking (Thld, Iqfrz, Thld2, Tblk) is not represented.
+both commands are zero at once. Outside Vdip..Vup integrals, lagged current and power order stay as they are, and only
+there Iqv is injected. What is held for some time after a dip or a blocking (Thld, Iqfrz, Thld2, Tblk) is not
+represented.
 Source: WECC Renewable Energy Modeling Task Force, REEC_D; P. Pourbeik, Proposal for New Features for the Renewable
 Energy System Generic Models, memorandum to the WECC REMTF, 2019; PSS/E Model Library, REECD1. Diagram and constants are
 those of public implementations that cite it: OpenIPSL, REECDU1, and InterPSS, REECD.
@@ -183,5 +184,5 @@ def equations(x, u, p):
     vf, _ = lag(p.Trv, u.vt, x.vm)
     vc, d_vc = lag(p.Tr1, behind(u.vt, u.P, u.Q, p) if p.VcmpFlag > 0.5 else u.vt + p.Kc * u.Q, x.vc)
     pref = u.Pref * u.wg if p.PFlag > 0.5 else u.Pref
-    ip, iq, d = commands(x, u, p, Own(pref, u.Paux, vc, p.Vbias, -p.Ke, *curves(vf, u, p)))
+    ip, iq, d = commands(x, u, p, Own(pref, u.Paux, vc, p.Vbias, -p.Ke, 1.0, *curves(vf, u, p)))
     return Output(ip, iq), State(vm=d.vm, pf=d.pf, vq=d.vq, iv=d.iv, iq=d.iq, pord=d.pord, vc=d_vc)

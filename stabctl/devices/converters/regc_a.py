@@ -72,7 +72,7 @@ class Par(NamedTuple):
 
     def errors(self) -> Iterator[tuple[str, str]]:
         """Field and message for each parameter that the equations do not allow."""
-        for low, high in (("Zerox", "Brkpt"), ("Lvpnt0", "Lvpnt1")):
+        for low, high in (*((("Zerox", "Brkpt"),) if self.Lvplsw > 0.5 else ()), ("Lvpnt0", "Lvpnt1")):
             if getattr(self, low) >= getattr(self, high):
                 yield high, f"must be above {low} = {getattr(self, low):g}"
 

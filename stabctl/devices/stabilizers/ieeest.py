@@ -9,6 +9,7 @@ is a gain.
 Source: IEEE Std 421.5, type PSS1A; PSS/E Model Library, IEEEST.
 """
 
+from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 from annotated_types import Interval
@@ -17,7 +18,7 @@ from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE
 from stabctl.devices.blocks import SHORT, clip, lag_rate, lead_lag, second_order, while_within
 
-from .signals import Input, Output, measured, supported
+from .signals import Input, Output, measured, supported, unknown
 
 NAME = "IEEEST"
 ROLE = "stabilizer"
@@ -46,6 +47,10 @@ class Par(NamedTuple):
     VCU: Annotated[float, "pu", "terminal voltage above which the output is 0 (0: none)", NOT_NEGATIVE] = 0.0
     VCL: Annotated[float, "pu", "terminal voltage below which the output is 0", NOT_NEGATIVE] = 0.0
     code: Annotated[int, "-", "input: 1 speed, 3 power, 5 terminal voltage", Interval(ge=0, le=5)] = 1
+
+    def errors(self) -> Iterator[tuple[str, str]]:
+        """Field and message for each parameter that the equations do not allow."""
+        yield from unknown(self, "code")
 
 
 class State(NamedTuple):

@@ -19,7 +19,7 @@ from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE
 from stabctl.devices.blocks import clip, lag, lead_lag, washout
 
-from .signals import Input, Output, measured, supported
+from .signals import Input, Output, measured, supported, unknown
 
 NAME = "PSS2B"
 ROLE = "stabilizer"
@@ -65,6 +65,7 @@ class Par(NamedTuple):
 
     def errors(self) -> Iterator[tuple[str, str]]:
         """Field and message for each parameter that the equations do not allow."""
+        yield from unknown(self, "code1", "code2")
         if self.M * self.N > STAGES:
             yield "M", f"times N = {self.N} is more than the {STAGES} lags that are supported"
 

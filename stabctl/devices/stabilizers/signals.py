@@ -1,6 +1,7 @@
 """Inputs and outputs of the stabilizers of PSS/E, and the choice of their input by a code."""
 
-from typing import Annotated, NamedTuple
+from collections.abc import Iterator
+from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
 
@@ -31,6 +32,13 @@ def measured(u, code):
     if code == 5:
         return u.vt
     return 0 * u.omega
+
+
+def unknown(par: Any, *names: str) -> Iterator[tuple[str, str]]:
+    """Field and message for each input code that is not supported."""
+    for name in names:
+        if getattr(par, name) not in CODES:
+            yield name, f"must be one of {', '.join(map(str, CODES))}"
 
 
 def supported(code: float, bus: float, what: str) -> int:

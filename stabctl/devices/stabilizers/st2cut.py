@@ -8,6 +8,7 @@ deviation, 3 electrical power on the machine's base, 5 terminal voltage.
 Source: PSS/E Model Library, ST2CUT.
 """
 
+from collections.abc import Iterator
 from typing import Annotated, Any, NamedTuple
 
 from annotated_types import Interval
@@ -16,7 +17,7 @@ from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE
 from stabctl.devices.blocks import clip, derivative, lag, lead_lag, while_within
 
-from .signals import Input, Output, measured, supported
+from .signals import Input, Output, measured, supported, unknown
 
 NAME = "ST2CUT"
 ROLE = "stabilizer"
@@ -49,6 +50,10 @@ class Par(NamedTuple):
     code2: Annotated[int, "-", "second input: 0 none, 1 speed, 3 power, 5 terminal voltage", Interval(ge=0, le=5)] = 0
     V0: Annotated[float, "pu", "terminal voltage at the start", FROM_CASE] = 1.0
 
+    def errors(self) -> Iterator[tuple[str, str]]:
+        """Field and message for each parameter that the equations do not allow."""
+        yield from unknown(self, "code1", "code2")
+
 
 class State(NamedTuple):
     """Two inputs, washout and three lead-lags."""
@@ -71,8 +76,9 @@ def equations(x, u, p):
     second, d_lag2 = lead_lag(p.T7, p.T8, first, x.lag2)
     third, d_lag3 = lead_lag(p.T9, p.T10, second, x.lag3)
     vs = clip(third, p.Lmin, p.Lmax)
-    if p.VCU != 0 or p.VCL != 0:
-        vs = while_within(vs, u.vt, p.V0 + p.VCL, p.V0 + p.VCU)
+    low = p.V0 + p.VCL if p.VCL != 0 else 0.0
+    high = p.V0 + p.VCU if p.VCU != 0 else 0.0
+    vs = while_within(vs, u.vt, low, high)
     return Output(vs), State(in1=d_in1, in2=d_in2, washout=d_washout, lag1=d_lag1, lag2=d_lag2, lag3=d_lag3)
 
 

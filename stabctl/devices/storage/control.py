@@ -39,5 +39,5 @@ def commands(x, r, p):
     """Active and reactive current command (pu), and state derivatives (1/s); r is what REEC_C reads."""
     e = electrical.State(x.vm, 0 * x.vm, x.vq, x.iv, x.iqr, x.pord)
     vf, _ = lag(p.Trv, r.vt, x.vm)
-    ip, iq, d = electrical.commands(e, r, p, Own(r.Pref, 0.0, vf, 0.0, -1.0, *curves(vf, p)))
+    ip, iq, d = electrical.commands(e, r, p, Own(r.Pref, 0.0, vf, 0.0, -1.0, 0.0, *curves(vf, p)))
     return ip, iq, State(vm=d.vm, vq=d.vq, iv=d.iv, iqr=d.iq, pord=d.pord)

@@ -198,7 +198,7 @@ class _Block:
             )
         share = value / 100 if unit.means("PERCENT") else value / size
         share = {"set": share - 1, "decrease": -share}.get(kind, share)
-        if not share or share < -1:
+        if not share or (of_load and share < -1):
             raise statement.error("it changes nothing." if not share else f"only {abs(size):g} can be taken away.")
         if of_load:
             return self._step(statement, at, here, share)
