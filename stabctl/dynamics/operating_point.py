@@ -182,7 +182,7 @@ class OperatingPoint:
         array([6.5  , 6.5  , 6.175, 6.175])
         """
         if table not in devices.every():
-            raise StudyError(f"There is no model {shown(table)}; {near(table, devices.every(), 'there are')}")
+            raise StudyError(f"There is no model {shown(table)}; {near(str(table), devices.every(), 'there are')}")
         names = devices.every()[table].Par._fields
         if not self.system.has(table):
             return np.zeros(0, np.int64), {name: np.zeros(0) for name in names}

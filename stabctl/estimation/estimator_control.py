@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from math import inf
+from numbers import Integral, Real
 from typing import Annotated, get_args
 
 import numpy as np
@@ -67,6 +68,8 @@ class EstimatorControl:
     check_pmus: bool = False
 
     def __post_init__(self) -> None:
+        if isinstance(self.seed, Integral):
+            object.__setattr__(self, "seed", int(self.seed))
         guard(self)
         if isinstance(self.control, list):
             object.__setattr__(self, "control", tuple(self.control))
@@ -83,14 +86,14 @@ class EstimatorControl:
             raise StudyError(f"pmu = {shown(self.pmu)} does not describe PMUs; give Pmu(...).")
         if not isinstance(self.process, ProcessNoise):
             raise StudyError(f"process = {shown(self.process)} is no process noise; give ProcessNoise(...).")
-        if not isinstance(self.check_pmus, bool):
+        if not isinstance(self.check_pmus, bool | np.bool_):
             raise StudyError(f"check_pmus = {shown(self.check_pmus)} is not allowed; give True or False.")
         for name in ("inertia_factor", "reactance_factor"):
             given = getattr(self, name)
-            given = tuple(given.tolist()) if isinstance(given, np.ndarray) else given
+            given = tuple(np.atleast_1d(given).tolist()) if isinstance(given, np.ndarray) else given
             object.__setattr__(self, name, given)
             several = given if isinstance(given, Sequence) and not isinstance(given, str) else (given,)
-            if not all(isinstance(k, int | float) and not isinstance(k, bool) and 0 < k < inf for k in several):
+            if not all(isinstance(k, Real) and not isinstance(k, bool) and 0 < float(k) < inf for k in several):
                 raise StudyError(f"{name} = {shown(given)} is not allowed; give numbers above 0.")
         for name, allowed in (("estimator", EstimatorName), ("engine", Engine)):
             if getattr(self, name) not in get_args(allowed):

@@ -361,7 +361,7 @@ class BadReports:
         self._bad, self._wb = tuple(zip(pmu.bad, rows, strict=True)), 2 * pi * frequency_hz
         self._rate = pmu.rate
         self._last: dict[int, tuple[np.ndarray, ...]] = {}
-        self._before = [(0.0, 0.0)] * len(rows)  # rad and pu   turn and error of the frequency in the last frame
+        self._before: dict[int, tuple[float, float]] = {}  # rad and pu   turn and error of the frequency a frame ago
 
     def __call__(self, at: float, frame: Frame) -> Frame:
         """The frame at an instant (s), as it is reported."""
@@ -377,7 +377,7 @@ class BadReports:
                 for part, last in zip(told, self._last[k], strict=True):
                     part[:, row] = last
             turn = (bad.jump + (bad.ramp + self._wb * bad.drift) * since) if wrong else 0.0
-            before, error = self._before[k]
+            before, error = self._before.get(k, (turn, 0.0))
             faster = (turn - before) * self._rate / self._wb
             self._before[k] = turn, faster
             V[:, row], I[:, row] = V[:, row] * np.exp(1j * turn), I[:, row] * np.exp(1j * turn)

@@ -21,7 +21,7 @@ from stabctl.simulation.trajectory import Trajectory
 from .contingencies import target_cycles, without_fault
 from .siting_rows import SAME
 
-FORMAT = 4
+FORMAT = 5
 GRID = 0.125  # cycles
 What = Literal["outcome", "peak", "energy", "currents", "critical time"]
 
@@ -125,8 +125,8 @@ def answer(task: Task) -> Found:
 
 def _peaks(ran: Trajectory) -> np.ndarray:
     """Largest change of every angle from the center of inertia, rad, and its instant from the last event on, s."""
-    last = max((change.at for change in ran.happened.changes if change.at > 0), default=0.0)
-    return np.stack([ran.peak, ran.time[np.abs(ran.arrays.swing).argmax(axis=0)] - last])
+    at = ran.time[np.abs(ran.arrays.swing).argmax(axis=0)]
+    return np.stack([ran.peak, at - ran.happened.last_event_s])
 
 
 def _critical_time(one: Simulated, shared: Shared, target: float) -> Found:

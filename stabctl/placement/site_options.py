@@ -1,6 +1,7 @@
 """Where storage may be built, what it costs there, and how large it may be."""
 
 from collections.abc import Iterable, Sequence
+from numbers import Integral
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -151,7 +152,8 @@ def _option(given: object) -> SiteOption:
     if isinstance(given, int) and not isinstance(given, bool):
         return SiteOption(given)
     if isinstance(given, tuple) and len(given) == 2:
-        return SiteOption(given[1], given[0])
+        machine, bus = (int(one) if isinstance(one, Integral) else one for one in given)
+        return SiteOption(bus, machine)
     raise StudyError(f"{shown(given)} is not a candidate; give a bus, (machine, bus) or a SiteOption.")
 
 

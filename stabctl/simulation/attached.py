@@ -282,6 +282,6 @@ class _Sensors:
         unit = -1 if kind in ("coi_speed", "coi_angle") else int(rotors.unit[group.argmax()])
         places = rotors.angle if kind in ("angle", "angle_deviation", "coi_angle") else rotors.speed
         out = self._more.outputs([rest])
-        k = [len(group), own, mean, others, *group, *rotors.inertia, *rotors.unit]
+        k = [len(group), own, mean, others, rest, *group, *rotors.inertia, *rotors.unit]
         self._more.add("center", center, [0, 0, 0, unit, *map(int, places), out], k, signal.label)
         return out

@@ -2,11 +2,11 @@
 
     y = a (mean of a group) + b (mean of all, or of the others)
 
-    k: rotors m, a, b, 1 if the mean is of the others, group (m, 0 or 1), inertia (m), unit (m)
+    k: rotors m, a, b, 1 if the mean is of the others, value at rest, group (m, 0 or 1), inertia (m), unit (m)
     w: -, -, -, unit whose island is meant (-1: all that are on), signals (m), output
 
-While that unit is off, the island of the first of the group that is on is meant. Where there are no others, their mean
-is that of the group.
+While that unit is off, the island of the first of the group that is on is meant. If all of it
+are off, the value is that at rest. Where there are no others, their mean is that of the group.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ from stabctl.dynamics.family import OUTPUT, TINY
 
 NAME = "center of inertia"
 ROLE = "sensor"
-HEAD = 4
+HEAD = 5
 
 
 @inline
@@ -40,6 +40,8 @@ def mean(w, k, s, on, r, c):
         if group == 0 or k[c + 3] == 0:
             outside += H
             rest += H * y
+    if k[c + 1] != 0 and inside == 0:
+        return own + k[c + 4]
     own = own / inside if inside > 0 else own
     rest = rest / outside if outside > 0 else own
     return k[c + 1] * own + k[c + 2] * rest

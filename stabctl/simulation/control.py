@@ -172,11 +172,12 @@ class Frames:
     def __init__(self, called: Called, simulation: Running) -> None:
         what = called.named.controller
         self._called, self._what, self._simulation = called, what, simulation
-        self._law: Callable[..., Any] = what.law() if isinstance(what.law, type) else what.law  # type: ignore[assignment]
         self._rest()
 
     def _rest(self) -> None:
-        """States as at the start, and nothing on its way."""
+        """States, and an instance of a class, as at the start, and nothing on its way."""
+        law = self._what.law
+        self._law: Callable[..., Any] = law() if isinstance(law, type) else law  # type: ignore[assignment]
         self._x = np.array(self._what.start, float)
         self._late = [np.zeros(self._called.held.stop - self._called.held.start)] * self._what.frames
 

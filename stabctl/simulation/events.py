@@ -6,7 +6,7 @@ As text, `7-8@1s` opens a circuit, `14@2s` trips a machine, and `7:+50MW@1s` add
 import cmath
 import re
 from dataclasses import dataclass, replace
-from numbers import Complex, Real
+from numbers import Complex, Integral, Real
 from typing import Any, Literal
 
 from stabctl._util.errors import StudyError, shown
@@ -28,7 +28,7 @@ class _Timed:
     def __post_init__(self) -> None:
         for name in {"place", "branch"} & vars(self).keys():
             given = getattr(self, name)
-            place = str(given) if isinstance(given, int) and not isinstance(given, bool) else given
+            place = str(int(given)) if isinstance(given, Integral) and not isinstance(given, bool) else given
             if not isinstance(place, Place):
                 raise StudyError(f"{shown(given)} is not a location; write 83 for a bus, 7-8 or 7-8@0.4 for a line.")
             object.__setattr__(self, name, written(place))

@@ -287,7 +287,7 @@ class Simulation:
             replace(c, switching=c.switching._replace(tripped=c.switching.tripped | {row}))
             for c in self.changes[self._at :]
         )
-        self.changes = (*self.changes[: self._at + 1], replace(now, at=self.time), *later)
+        self.changes = (*self.changes[: self._at + 1], replace(now, at=self.time, automatic=True), *later)
         self._at += 1
         self._enter()
         self._run.watch.off[:2, self._run.notes[NOTE.rotor]] = 0.0

@@ -1,8 +1,9 @@
 """The switching state of the network after each event."""
 
 import cmath
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import groupby
 
 from stabctl._util.errors import StudyError
 from stabctl.model.case import Case
@@ -18,12 +19,13 @@ class Change:
 
     at: float  # s
     switching: Switching = field(default_factory=Switching)
+    automatic: bool = False  # the trip of a unit alone in its island
 
 
 def timeline(case: Case, events: Iterable[Event]) -> tuple[Change, ...]:
     """The state of the network after each event, in order of time; the first is the intact network at time 0."""
     changes, now = [Change(0.0)], _State(case)
-    for event in sorted(events, key=lambda e: (round(e.at, 9), not isinstance(e, Clear))):  # before another fault
+    for event in _in_order(events, now):
         if not 0 <= event.at < float("inf"):
             raise StudyError(f"The time {event.at:g} s of the {described(event)} is not allowed; give at least 0.")
         for name, value in vars(event).items():
@@ -34,6 +36,12 @@ def timeline(case: Case, events: Iterable[Event]) -> tuple[Change, ...]:
             changes.pop()
         changes.append(Change(event.at, now.switching()))
     return tuple(changes)
+
+
+def _in_order(events: Iterable[Event], now: "_State") -> Iterator[Event]:
+    """The events in order of time; of those at one instant, a fault that was there is cleared first."""
+    for _, several in groupby(sorted(events, key=lambda e: e.at), key=lambda e: round(e.at, 9)):
+        yield from sorted(several, key=lambda e: not (isinstance(e, Clear) and now.faulted(e.place)))
 
 
 class _State:
@@ -102,14 +110,20 @@ class _State:
         along = 0.5 if place.fraction is None else place.fraction
         self.branches[place.branch] = before._replace(fault_at=along, fault_admittance=admittance)
 
-    def _clear(self, text: Place) -> None:
+    def faulted(self, text: Place) -> bool:
+        """Whether there is a fault at a place."""
         place = locate(self.case, text)
-        if place.bus is not None and place.bus in self.faults:
-            del self.faults[place.bus]
-        elif place.branch is not None and self.branches.get(place.branch, BranchState()).fault_at is not None:
-            self.branches[place.branch] = self.branches[place.branch]._replace(fault_at=None)
-        else:
+        branch = self.branches.get(place.branch, BranchState()) if place.branch is not None else BranchState()
+        return place.bus in self.faults or branch.fault_at is not None
+
+    def _clear(self, text: Place) -> None:
+        if not self.faulted(text):
             raise StudyError(f"There is no fault at {text} to clear at that time.")
+        place = locate(self.case, text)
+        if place.bus is not None:
+            del self.faults[place.bus]
+        elif place.branch is not None:
+            self.branches[place.branch] = self.branches[place.branch]._replace(fault_at=None)
 
     def _open(self, name: Place, end: str | int) -> None:
         row, _ = circuit(self.case, name)

@@ -266,7 +266,7 @@ class Trajectory:
         (241, 11)
         """
         if quantity not in QUANTITIES:
-            raise StudyError(f"There is no quantity {shown(quantity)}; {near(quantity, QUANTITIES, 'there are')}")
+            raise StudyError(f"There is no quantity {shown(quantity)}; {near(str(quantity), QUANTITIES, 'there are')}")
         found = QUANTITIES[quantity].values(self.arrays)
         return np.where(self.on, found, np.nan) if QUANTITIES[quantity].while_on else found
 
@@ -328,3 +328,8 @@ class Happened(NamedTuple):
     changes: tuple[Change, ...]  # the network after every event
     off_s: np.ndarray  # (units) s   time at which a unit was disconnected; infinite if it was not
     island: np.ndarray  # (units) its island at the end, -1 if it is off
+
+    @property
+    def last_event_s(self) -> float:
+        """Instant of the last event, s; 0 if there was none."""
+        return next(change.at for change in reversed(self.changes) if not change.automatic)

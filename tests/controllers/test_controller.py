@@ -165,6 +165,26 @@ def test_while_its_gate_is_closed_a_function_rests(base):
     assert np.abs(order(run)[~late]).max() > 0.01
 
 
+def test_while_its_gate_is_closed_an_instance_of_a_class_is_new(base):
+    """Its attribute counts frames since the gate has opened."""
+
+    class Law:
+        def __init__(self):
+            self.frames = 0
+
+        def __call__(self, now):
+            self.frames += 1
+            return 0.01 * self.frames
+
+    gate = st.Gate("voltage:7", low=0.8)
+    one = st.Controller.from_function(Law, "deviation:1", "order:1@5", rate=60, gate=gate)
+    run = base.simulate(st.Contingency("7", clear="100ms", at="0.5s"), "1s", control=one)
+    orders, opened = order(run), run.time[np.flatnonzero(np.abs(run.arrays.V[:, 6]) < 0.8)[-1]]
+    assert np.abs(orders[(run.time > 0.52) & (run.time < 0.6)]).max() == 0
+    assert np.abs(orders).max() == pytest.approx(0.01 * 30, abs=0.021)
+    assert np.abs(orders[-1]) == pytest.approx(0.01 * 60 * (1.0 - opened), abs=0.021)
+
+
 def test_the_controller_of_a_tripped_machine_stops(base):
     one = st.Controller.from_control(LAG, "speed:1", "vs:1", name="pss")
     run = base.simulate(st.TripMachine(1, 0.5), "1.5s", control=one, criterion=st.Criterion(max_angle=1e3))

@@ -63,16 +63,18 @@ def test_a_pmu_that_is_right_again_is_used_again_after_five_seconds():
     assert "used again" in str(back)
 
 
+@pytest.mark.parametrize("at_first", [0.0, 0.1])
 @pytest.mark.parametrize("wrong", [{"jump": "5deg"}, {"ramp": "9deg"}, {"drift": "30us"}])
-def test_a_wrong_clock_reports_what_turned_phasors_would(wrong):
+def test_a_wrong_clock_reports_what_turned_phasors_would(wrong, at_first):
     """Voltage, current, frequency and ROCOF: of bad reports, and of a PMU that sees phasors turned in this way."""
-    bad = BadPmu(1, 0.1, **wrong, until=0.2)
+    bad = BadPmu(1, at_first, **wrong, until=0.2)
     pmu = Pmu.exact(bad=(bad,))
     spoil, healthy, seen = BadReports(pmu, [1], 60.0), Instrument(pmu, (1,), 2, 60.0), Instrument(pmu, (1,), 2, 60.0)
     for k in range(20):
         at = k / 60
         V = np.exp(1j * np.array([[0.3 * at, 0.2 + at**2]]))
-        turn = (bad.jump + (bad.ramp + 120 * np.pi * bad.drift) * (at - 0.1)) if 0.1 - 1e-9 < at < 0.2 - 1e-9 else 0.0
+        wrong_now = at_first - 1e-9 < at < 0.2 - 1e-9
+        turn = (bad.jump + (bad.ramp + 120 * np.pi * bad.drift) * (at - at_first)) if wrong_now else 0.0
         turned = V * np.exp(1j * turn * np.array([0, 1]))
         told = spoil(at, healthy.report(at, V, 0.5 * V, V.real))
         right = seen.report(at, turned, 0.5 * turned, V.real)

@@ -273,7 +273,7 @@ def test_the_mva_of_converters_and_the_largest_current_are_those_of_the_fleet(ca
         ({"sites": 0}, "sites = 0 is not allowed"),
         ({"sites": 1.5}, "sites = 1.5 is not allowed; it must be a whole number"),
         ({"sites": "2"}, "sites = '2' is not allowed"),
-        ({"candidates": [(1.7, 29)]}, "machine"),
+        ({"candidates": [(1.7, 29)]}, "machine: 1.7 is not allowed"),
         ({"observe": 0.0}, "observation window of 0 s"),
         ({"observe": np.nan}, "is not a time"),
         ({"step": 1.0}, "step 1 s is too long"),

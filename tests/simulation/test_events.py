@@ -260,6 +260,10 @@ class TestImpossibleEvents:
         case = io.load("two_area")
         assert timeline(case, [Open("7-8", 1.0, end="8")])[-1] == timeline(case, [Open("7-8", 1.0, end=8)])[-1]
 
+    def test_a_fault_of_no_duration_changes_nothing(self, two_area):
+        both = run(two_area, [Fault("7", 0.1), Clear("7", 0.1)], 0.3)
+        assert np.abs(both.rows[-1] - run(two_area, [], 0.3).rows[-1]).max() < 1e-9
+
     @pytest.mark.parametrize("swapped", [False, True])
     def test_a_fault_may_begin_where_another_is_cleared(self, two_area, swapped):
         """0.1 + 0.2 s is later than 0.3 s by a rounding."""

@@ -170,6 +170,22 @@ def test_angles_against_a_machine_that_is_off_are_not_known(alone):
     assert table[table.time_s > 0.5].iloc[:, 1].isna().all()
 
 
+def test_a_trip_by_itself_is_no_event(alone):
+    """What is seen after the last event begins with the switching."""
+    run = alone.simulate("1-5@0.5s", "3s")
+    assert [c.automatic for c in run.happened.changes] == [False, False, True]
+    assert run.happened.last_event_s == 0.5
+
+
+@pytest.mark.parametrize("kind", ["deviation", "angle_deviation"])
+def test_a_group_of_which_all_are_off_is_at_rest(kind):
+    base = st.load("two_area").initialize(storage="3@11=50MW")
+    gain = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[1.0]]
+    one = st.Controller((f"{kind}:1+2",), ("order:3@11",), *gain, limits=1.0)
+    run = base.simulate([st.TripMachine(1, 0.2), st.TripMachine(2, 0.2)], "0.5s", control=one)
+    assert np.abs(run.storage.values[run.time > 0.21]).max() == 0
+
+
 def test_a_group_whose_first_machine_is_off_is_seen_through_the_others():
     """Controllers that read a group act as the law that does, after machine 1 of the two has been tripped."""
     base = st.load("two_area").initialize(storage="2@6=50MW")

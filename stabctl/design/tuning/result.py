@@ -127,7 +127,7 @@ class Tuned(Design):
         robust = list(gains_and_outages(parts, trial, asked.gains, seed))
         for other in elsewhere:
             own_trial = other.problem(asked).at(trial.p)
-            beside = " and its outages" * (len(other.networks) > 1)
+            beside = " and its outages" * any(not network.intact for network in other.networks)
             robust.append((f"{other.networks[0].name}{beside}, not tuned for", worst(own_trial, one)))
         made = cls(
             **own,

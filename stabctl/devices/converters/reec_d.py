@@ -49,12 +49,12 @@ class Par(NamedTuple):
     PFlag: Annotated[float, "-", "power reference (1: times the generator speed, 0: as ordered)", FLAG] = 0
     PqFlag: Annotated[float, "-", "priority (1: active, 0: reactive current)", FLAG] = 0
     VcmpFlag: Annotated[float, "-", "compensated voltage (1: behind Rc + j Xc, 0: with droop Kc)", FLAG] = 0
-    Vdip: Annotated[float, "pu", "voltage below which the control is frozen"] = -99.0
-    Vup: Annotated[float, "pu", "voltage above which the control is frozen (0: none)"] = 99.0
+    Vdip: Annotated[float, "pu", "voltage below which the control is frozen and Kqv acts"] = -99.0
+    Vup: Annotated[float, "pu", "voltage above which the control is frozen and Kqv acts (0: none)"] = 99.0
     Trv: Annotated[float, "s", "voltage filter", NOT_NEGATIVE] = 0.02
     dbd1: Annotated[float, "pu", "lower edge of the voltage deadband"] = -0.05
     dbd2: Annotated[float, "pu", "upper edge of the voltage deadband"] = 0.05
-    Kqv: Annotated[float, "pu", "reactive current over voltage error", NOT_NEGATIVE] = 0.0
+    Kqv: Annotated[float, "pu", "reactive current over voltage error, outside Vdip..Vup", NOT_NEGATIVE] = 0.0
     Iqvmax: Annotated[float, "pu", "largest reactive current injection"] = 1.05
     Iqvmin: Annotated[float, "pu", "smallest reactive current injection"] = -1.05
     Vref0: Annotated[float, "pu", "voltage reference of the injection (0: initial voltage)"] = 0.0

@@ -119,10 +119,10 @@ def read(raw: Raw) -> Network:
 
 
 def _once(noun: str, records: Iterable[tuple[Any, Place]]) -> Iterator[tuple[Any, Place]]:
-    """Records of a bus and an identifier. Raises `CaseError` for one that appears twice."""
+    """Records of a bus and an identifier. Raises `CaseError` for one that is in service twice."""
     seen: dict[tuple[int, str], Place] = {}
     for one, place in records:
-        first = seen.setdefault((one.I, one.ID), place)
+        first = seen.setdefault((one.I, one.ID), place) if one.STATUS else place
         if first is not place:
             raise place.error(f"{noun} {one.I}/{one.ID} appears twice, first in line {first.line}.", "ID")
         yield one, place

@@ -108,7 +108,7 @@ def _machines(run: Trajectory) -> Iterator[tuple[str, ...]]:
 def _voltages(run: Trajectory) -> Iterator[tuple[str, ...]]:
     """The buses with the lowest voltages after the last event."""
     size, buses = run.values("voltage"), run.point.case.buses
-    after = np.flatnonzero(run.time >= run.happened.changes[-1].at - 1e-9)
+    after = np.flatnonzero(run.time >= run.happened.last_event_s - 1e-9)
     lowest = size[after].min(axis=0)
     for k in np.argsort(lowest, kind="stable")[:LOWEST]:
         at = run.time[after[size[after, k].argmin()]]

@@ -140,7 +140,7 @@ def _worst(study: Study) -> Iterator[Part]:
         return
     rows = []
     for m, run in zip(study.margins, study.worst, strict=False):
-        after = run.time >= run.happened.changes[-1].at - 1e-9
+        after = run.time >= run.happened.last_event_s - 1e-9
         lowest = f"{np.abs(run.arrays.V[after])[run.energized[after]].min():.3f}" if after.any() else ""
         outcome = run.outcome.kind.value.replace("_", " ")
         rows.append(
