@@ -22,6 +22,7 @@ from stabctl import io
 from stabctl.dynamics import operating_point
 from stabctl.model.replicate import replicate
 from stabctl.simulation import stepper
+from stabctl.simulation._judgment import DONE
 from stabctl.simulation._substitution import Factors
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.setup import setup
@@ -38,19 +39,17 @@ class System:
     def __init__(self, point: operating_point.OperatingPoint) -> None:
         run = Simulation(setup(point), Contingency("83", 4 / 60, ["83-33"], at=0.0), record=False)
         run.advance(0.1)
-        program, net = run._program, run._stage.net
-        self.program = program._replace(w=program.w.copy(), k=program.k.copy())
-        self.net = net._replace(factors=Factors(*(part.copy() for part in net.factors)), island=net.island.copy())
-        self.frame = run._frame
-        self.space, self.rules, self.nothing = run._space, run._rules, np.empty((0, run._record.width))
+        program, net = run._on.program, run._on.network.net
+        program = program._replace(w=program.w.copy(), k=program.k.copy())
+        net = net._replace(factors=Factors(*(part.copy() for part in net.factors)), island=net.island.copy())
+        self.parts = program, run._on.places, net, run._run, run.setup.rules
 
     def seconds(self, steps: int = 1) -> float:
         """Time (s) of a step, the mean of several made at once."""
-        sizes, due = np.full(steps, STEP), np.zeros(0, np.int64)
+        plan = stepper.Plan(np.full(steps, STEP), np.empty(0, np.int64), False)
         begin = time.perf_counter()
-        stepper.advance(
-            self.program, self.frame, self.net, self.space, self.rules, sizes, due, False, False, self.nothing
-        )
+        verdict, _ = stepper.advance(*self.parts, plan, stepper.START, stepper.NO_ROWS)
+        assert verdict == DONE
         return (time.perf_counter() - begin) / steps
 
 

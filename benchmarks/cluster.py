@@ -29,10 +29,10 @@ from stabctl.io.contingencies.toml import read
 from stabctl.jobs import Kind, store
 from stabctl.jobs.cluster import Cluster
 from stabctl.jobs.task import Base
-from stabctl.model.naming import Circuit
 from stabctl.placement._simulated import FLEET
 from stabctl.placement.contingencies import packaged
 from stabctl.placement.place import place
+from stabctl.simulation.contingency import Contingency
 
 MILLION = 1_000_000
 
@@ -81,7 +81,7 @@ def overhead(client: Client, count: int = 1000) -> float:
     """Processor time (ms) of the scheduler and of the study for a job, from many very short ones."""
     point = operating_point.solve(io.load("two_area").classical())
     shared = Shared(Base(point), Search(limit_cycles=0.125, observed_s=0.1), None)
-    (one,) = tasks({"7": [Circuit(7, 8)]}, shared, True)
+    (one,) = tasks({"7": [Contingency("7", trip="7-8")]}, shared, True)
     with closing(Cluster(client.scheduler.address)) as cluster:
         began = time.process_time()
         done = sum(row.about.status == "ok" for row in cluster.rows(one._replace(key=str(k)) for k in range(count)))

@@ -33,7 +33,7 @@ def screens(names: tuple[str, ...] = ("ieee39", "wnaps"), every: int = 4) -> Tab
         single = [clearing_time(point, p.contingency) for p in sample]
         wall = (time.perf_counter() - began) * len(found.pairs) / len(sample)
         runs = sum(len(c.runs) for c in single) / len(single)
-        differing = sum(p[2:5] != (c.cycles, c.status, c.machine) for p, c in zip(sample, single, strict=True))
+        differing = sum(p.cycles != c.cycles or p.status != c.status for p, c in zip(sample, single, strict=True))
         pairs, shown = len(found.pairs), (found.simulations / len(found.pairs), found.wall_s)
         table.add_row(name, str(pairs), *(f"{x:.1f}" for x in (*shown, runs, wall)), str(differing))
     return table

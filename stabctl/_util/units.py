@@ -28,7 +28,7 @@ class Kind(NamedTuple):
     per: dict[str, float]
 
 
-TIME = Kind("time", "6cyc, 0.1s or 100ms", {"s": 1, "ms": 1e3, "us": 1e6, "min": 1 / 60, "h": 1 / 3600})
+TIME = Kind("time", "0.1s or 100ms", {"s": 1, "ms": 1e3, "us": 1e6, "min": 1 / 60, "h": 1 / 3600})
 FREQUENCY = Kind("frequency", "0.5Hz or 100mHz", {"Hz": 1, "mHz": 1e3})
 POWER = Kind("power", "50MW, 0.2GW or 300kW", {"MW": 1, "kW": 1e3, "GW": 1e-3})
 REACTIVE = Kind("reactive power", "20Mvar or 300kvar", {"Mvar": 1, "MVAr": 1, "MVAR": 1, "kvar": 1e3, "Gvar": 1e-3})
@@ -68,15 +68,17 @@ def seconds(x: str | float, frequency_hz: float) -> float:
     StudyError
         If it is not a time, or text with a sign.
     """
+    with_cycles = Kind(TIME.noun, f"6cyc, {TIME.examples}", TIME.per | dict.fromkeys(_CYCLES, frequency_hz))
     if isinstance(x, str) and x.strip()[:1] in ("+", "-"):
-        raise _not(x, TIME.noun, TIME.examples)
-    return _read(x, TIME._replace(per=TIME.per | dict.fromkeys(_CYCLES, frequency_hz)), "s")
+        raise _not(x, with_cycles.noun, with_cycles.examples)
+    return _read(x, with_cycles, "s")
 
 
 def cycles(x: str | float, frequency_hz: float) -> float:
     """A time in cycles of the case's frequency: as `seconds`, with whole cycles exact. Raises `StudyError`."""
+    in_seconds = seconds(x, frequency_hz)
     value, unit = _split(x, "s", TIME)
-    return value if unit.lower() in _CYCLES and value >= 0 else seconds(x, frequency_hz) * frequency_hz
+    return value if unit.lower() in _CYCLES else in_seconds * frequency_hz
 
 
 def hertz(x: str | float) -> float:

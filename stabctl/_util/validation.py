@@ -1,13 +1,18 @@
 """Values checked against the fields of their record, by the validators of pydantic's core.
 
-`checked` checks the rows of a table, `guard` a frozen dataclass. Checks are strict: no text or bool for a number,
+`checked` checks the rows of a table, `guard` a frozen dataclass. These checks are strict: no text or bool for a number,
 numbers finite and of at most `LARGEST` in size. The core alone is loaded, with the first check; pydantic's own classes
-around it would take several times as long.
+around it would take several times as long. `checks_arguments` checks what a function is called with.
 """
 
-from collections.abc import Iterable, Mapping
+import functools
+import inspect
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from numbers import Integral, Real
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar, get_args, get_origin
 
 from .errors import StudyError, shown
 from .schema import Field, fields, hints
@@ -48,10 +53,10 @@ def checked(record: type[Record], rows: Iterable[Record]) -> tuple[Record, ...]:
         raise Invalid(row, f, first["input"], _expected(f, first)) from None
 
 
-def guard(record: Any, *, omitted: bool = True) -> None:
+def guard(record: Any) -> None:
     """Check the fields of a frozen dataclass and convert text with a unit; called from its `__post_init__`.
 
-    The fields are written `name: Annotated[float, unit, ...]`. One that is None was omitted, where this is allowed.
+    The fields are written `name: Annotated[float, unit, ...]`. One may be None if this is its default.
     Text with a unit ("100mHz") becomes a number in the unit of the field.
 
     Raises
@@ -62,7 +67,7 @@ def guard(record: Any, *, omitted: bool = True) -> None:
     kind: type = type(record)
     for name, f in fields(kind).items():
         value = getattr(record, name)
-        if value is None and omitted:
+        if value is None and getattr(kind, name, "") is None:
             continue
         if isinstance(value, str) and f.kind is float and kind_of(f.unit) not in (None, NUMBER):
             value = _number(name, value, f.unit)
@@ -148,3 +153,63 @@ def _expected(f: Field, first: Mapping[str, Any]) -> str:
     if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) > LARGEST:
         return f"{f.expected()}, and at most {LARGEST:g} in size"
     return f.expected() if f.kind is not str or f.choices else "one line of text"
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+WORDS: dict[Any, str] = {
+    str: "text",
+    bool: "True or False",
+    int: "a whole number",
+    float: "a number",
+    NoneType: "None",
+    Path: "a path",
+    Mapping: "a dict",
+    Callable: "a function",
+} | dict.fromkeys((Iterable, Sequence, tuple), "a list")
+CLASSES = {int: Integral, float: Real, Sequence: Collection, tuple: Collection}  # an array is a list, too
+
+
+def checks_arguments(function: Callable[P, R]) -> Callable[P, R]:
+    """A public function that refuses arguments of another kind than those of its annotations.
+
+    The kinds are those of the outermost classes, `Iterable` of `Iterable[str]`; no bool is a number. Annotations in
+    quotes, and those of literals, are not looked at.
+
+    Raises
+    ------
+    StudyError
+        For the first such argument; it names the argument, the value and what to give.
+    """
+    signature = inspect.signature(function)
+    single = (p for p in signature.parameters.values() if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD))
+    kinds = {p.name: found for p in single if p.annotation is not p.empty and (found := _kinds(p.annotation))}
+
+    @functools.wraps(function)
+    def checked_function(*args: P.args, **kwargs: P.kwargs) -> R:
+        for name, value in signature.bind(*args, **kwargs).arguments.items():
+            if name in kinds and not any(_is(value, kind) for kind in kinds[name]):
+                words = dict.fromkeys(WORDS.get(kind) or _with_article(kind.__name__) for kind in kinds[name])
+                raise StudyError(f"{name} = {shown(value)} is not allowed; give {' or '.join(words)}.")
+            if name == "seed" and value < 0:  # type: ignore[operator]
+                raise StudyError(f"seed = {value} is not allowed; give a whole number from 0 on.")
+        return function(*args, **kwargs)
+
+    return checked_function
+
+
+def _with_article(name: str) -> str:
+    return f"{'an' if name[0] in 'AEIO' else 'a'} {name}"
+
+
+def _kinds(annotation: Any) -> tuple[Any, ...]:
+    """The classes that an annotation allows; none if it is not made of classes alone."""
+    parts = get_args(annotation) if isinstance(annotation, UnionType) else (annotation,)
+    kinds = tuple(get_origin(part) or part for part in parts)
+    return kinds if all(isinstance(kind, type) and kind is not Any for kind in kinds) else ()
+
+
+def _is(value: object, kind: Any) -> bool:
+    if kind is bool:
+        return type(value).__name__ in ("bool", "bool_")  # that of NumPy
+    return isinstance(value, CLASSES.get(kind, kind)) and not (kind in (int, float) and isinstance(value, bool))

@@ -11,6 +11,7 @@ from stabctl._util import files
 from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular, inert
 from stabctl._util.units import cycles
+from stabctl._util.validation import checks_arguments
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.clearing import ClearingTime, Screen, Severity
@@ -132,6 +133,7 @@ class Study(Tabular):
         """The contingencies that are not survived with the required clearing time."""
         return tuple(m for m in self.margins if not m.secure)
 
+    @checks_arguments
     def runs(self, count: int) -> list[tuple[Contingency, float]]:
         """The contingencies with the smallest margins, cleared after the required time, and the end (s) of each run.
 

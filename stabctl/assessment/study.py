@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from stabctl._util.errors import LinearizationError, StudyError
 from stabctl._util.units import cycles, quantity
+from stabctl._util.validation import checks_arguments
 from stabctl.clearing import ClearingTime, Screen, Severity, screen
 from stabctl.clearing.screen_result import Lines
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
@@ -43,6 +44,7 @@ ALONE = 0.2  # share of the work that is done before the remedies
 Tell = Callable[[float, str], None]  # the share that is done, and the part under way
 
 
+@checks_arguments
 def study(
     base: Case | OperatingPoint,
     clear: str | float = "6cyc",
@@ -128,7 +130,10 @@ def study(
     ranges = None if monitored is None else monitored_by(monitored, case, subsystems)
     wanted = Wanted(cycles(clear, case.frequency_hz), quantity(damping, "-"), voltages, ranges)
     for possible, what in (
-        (wanted.cycles > 0, f"clear = {wanted.cycles:g} cycles is not possible; give a time above 0"),
+        (
+            0 < wanted.cycles < 1e6,
+            f"clear = {wanted.cycles:g} cycles is not possible; give a time from 0 to 1e6cyc",
+        ),
         (0 <= wanted.damping < 1, f"damping = {wanted.damping:g} is no damping ratio; give one from 0 to 1"),
         (voltages[0] < voltages[1], f"voltages = {voltages} is no range; give the lower one first"),
         (worst >= 0, f"worst = {worst} runs are not possible; give at least 0"),

@@ -59,7 +59,7 @@ class BangBang(Law):
     relay = True
 
     def __post_init__(self) -> None:
-        guard(self, omitted=False)
+        guard(self)
 
     def par(self, device: StorageDevice) -> Par:
         """Parameters in pu."""

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stabctl._util.errors import StudyError, shown
+from stabctl._util.validation import checks_arguments
 from stabctl._util.verbs import verb
 
 from .python_law import checked_law
@@ -281,6 +282,7 @@ class Controller:
         """
         return replace(self, delay=duration("delay", delay))
 
+    @checks_arguments
     def scaled(self, gain: float) -> "Controller":
         """The same controller with all outputs multiplied by a gain.
 

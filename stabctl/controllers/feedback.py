@@ -79,7 +79,7 @@ class Feedback(Law):
     min_voltage: Annotated[float, "pu", "voltage below which the device idles", NOT_NEGATIVE] = 0.8
 
     def __post_init__(self) -> None:
-        guard(self, omitted=False)
+        guard(self)
         if not isinstance(self.braking, bool):
             raise StudyError(f"braking = {shown(self.braking)} is not allowed; give True or False.")
 

@@ -120,7 +120,7 @@ class StorageLaw(Law):
     return_power: Annotated[float, "-", "largest share of the rating for the return", SHARE] = 0.1
 
     def __post_init__(self) -> None:
-        guard(self, omitted=False)
+        guard(self)
         object.__setattr__(self, "groups", _groups(self.groups))
         if self.arm_at and self.arm_at < self.deadband:
             raise StudyError(

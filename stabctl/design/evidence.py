@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stabctl._util.errors import StudyError, shown
+from stabctl._util.errors import StudyError
+from stabctl._util.validation import checks_arguments
 from stabctl._util.wording import counted
 from stabctl.clearing import ClearingTime, clearing_time
 from stabctl.controllers.controller import Controller
@@ -197,6 +198,7 @@ def compared(checks: Sequence[Check]) -> str:
     )
 
 
+@checks_arguments
 def evidence(design: Design, checks: Iterable[Contingency | str] = ()) -> Evidence:
     """Compute the evidence for a design: root locus, loop gains, margins, step responses and clearing times.
 
@@ -225,10 +227,6 @@ def evidence(design: Design, checks: Iterable[Contingency | str] = ()) -> Eviden
     1 controller: smallest damping ratio of 0.1 to 3 Hz: -0.0087 without, 0.0500 with.
     stable with less than 353.3 ms more delay, and with 0.148 to inf times the gains
     """
-    if not isinstance(design, Design):
-        raise StudyError(
-            f"{shown(design)} is not a design; give the result of st.design.pod or of another design function."
-        )
     point, controllers = design.base, design.controllers
     for c in controllers:
         if c.law is not None:

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stabctl._util.errors import StudyError, shown
+from stabctl._util.validation import checks_arguments
 from stabctl.clearing import Screen
 from stabctl.clearing.critical_time import LONGEST
 from stabctl.clearing.trial import Search, Trial
@@ -55,6 +56,7 @@ FAR = 10  # values on each side that are tried when no next one helps: all
 AT_REST = {"arm_at": 0.0, "return_time": 0.0, "max_acceleration": 0.0}  # the law as if always armed
 
 
+@checks_arguments
 def law(
     base: Case | OperatingPoint,
     contingencies: Iterable[Contingency | str] | Contingency | Screen,
@@ -129,8 +131,6 @@ def law(
     [(20.0, 26.0, 34.0)]
     """
     began, limits = time.perf_counter(), LawLimits() if limits is None else limits
-    if not isinstance(limits, LawLimits):
-        raise StudyError(f"limits = {shown(limits)} are not limits of a law; give LawLimits(...).")
     if rate is None and duration("delay", delay):
         raise StudyError(f"delay = {shown(delay)} is that of a sampled law; give a rate too: rate=60, for example.")
     point = operating_point(base, storage)

@@ -17,6 +17,7 @@ import numpy as np
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.tabular import Tabular
 from stabctl._util.units import megawatt_hours, seconds
+from stabctl._util.validation import checks_arguments
 from stabctl._util.verbs import verb
 from stabctl.clearing.critical_time import critical
 from stabctl.clearing.result import ClearingTime, watched
@@ -181,6 +182,7 @@ class Optimum(Tabular):
     __repr__ = __str__
 
 
+@checks_arguments
 def optimum(
     base: Case | OperatingPoint,
     contingency: Contingency | str,

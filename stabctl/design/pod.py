@@ -122,8 +122,8 @@ def pod(
     if order is not None and (isinstance(order, bool) or not isinstance(order, int) or not 1 <= order <= MOST_LAGS):
         raise StudyError(f"order = {shown(order)} is not allowed; give 1 to {MOST_LAGS}.")
     late, slow = duration("delay", delay), duration("washout", washout)
-    if not slow:
-        raise StudyError(f"washout = {shown(washout)} is not allowed; give more than 0.")
+    if not 0 < slow <= 1e4:
+        raise StudyError(f"washout = {shown(washout)} is not allowed; give more than 0 and at most 1e4 s.")
     if rate is not None:
         checked_frames(name, rate, late)
     by_residue = order is None and len(reads) == 1

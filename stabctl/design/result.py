@@ -238,7 +238,7 @@ class Requirement:
     floors: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
-        guard(self, omitted=False)
+        guard(self)
 
     def spare(self, s: np.ndarray) -> np.ndarray:
         """What the damping ratio of every eigenvalue s (1/s) has beyond what it must reach; inf if nothing is asked."""

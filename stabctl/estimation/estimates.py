@@ -7,6 +7,7 @@ import numpy as np
 
 from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular
+from stabctl._util.units import seconds
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.controllers import BangBang
@@ -134,12 +135,12 @@ class Estimates(Tabular):
         """Bang-bang commands from the estimated deviations."""
         return np.sign(self.deviation_estimated) * (np.abs(self.deviation_estimated) > self.deadband)
 
-    def count_commands(self, before: float = np.inf) -> int:
+    def count_commands(self, before: str | float = np.inf) -> int:
         """Number of machine-frames with a bang-bang command from the estimates.
 
         Parameters
         ----------
-        before : float, s
+        before : str or float, s
             Count frames before this instant.
 
         Returns
@@ -152,7 +153,8 @@ class Estimates(Tabular):
         >>> base.estimate(st.Contingency("7", clear="8cyc"), "2s").count_commands(before=1.1)
         11
         """
-        return int(np.count_nonzero(self.estimated_commands[self.time < before - 1e-9]))
+        end = before if before == np.inf else seconds(before, self.point.case.frequency_hz)
+        return int(np.count_nonzero(self.estimated_commands[self.time < end - 1e-9]))
 
     @property
     def accuracy(self) -> Accuracy:
@@ -169,13 +171,13 @@ class Estimates(Tabular):
             )
         return self.accuracy_between(since, end)
 
-    def accuracy_between(self, since: float, until: float) -> Accuracy:
+    def accuracy_between(self, since: str | float, until: str | float) -> Accuracy:
         """Accuracy of the estimates in a part of the run.
 
         Parameters
         ----------
-        since, until : float, s
-            Beginning and end of this part.
+        since, until : str or float, s
+            Beginning and end of this part: 1.2 or "1.2s".
 
         Returns
         -------
@@ -184,7 +186,7 @@ class Estimates(Tabular):
         Raises
         ------
         StudyError
-            If no machine was in synchronism between these instants.
+            If one of them is not a time, or no machine was in synchronism between them.
 
         Examples
         --------
@@ -193,11 +195,12 @@ class Estimates(Tabular):
         >>> round(found.accuracy_between(1.2, 2.0).rmse_mhz, 1)
         3.1
         """
-        rows = (self.time >= since - 1e-9) & (self.time <= until + 1e-9)
+        begin, end = (seconds(one, self.point.case.frequency_hz) for one in (since, until))
+        rows = (self.time >= begin - 1e-9) & (self.time <= end + 1e-9)
         on = self.on[rows]
         if not on.any():
             raise StudyError(
-                f"No machine of {self.point.case.name} is in synchronism between {since:g} and {until:g} s; clear the "
+                f"No machine of {self.point.case.name} is in synchronism between {begin:g} and {end:g} s; clear the "
                 "fault earlier or add storage."
             )
         error = (self.deviation_estimated - self.deviation)[rows][on] * 1e3 * self.point.case.frequency_hz

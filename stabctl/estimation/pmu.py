@@ -21,7 +21,7 @@ from annotated_types import Ge, Interval
 
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import quantity
-from stabctl._util.validation import guard
+from stabctl._util.validation import checks_arguments, guard
 
 RATES = (10, 12, 15, 20, 24, 25, 30, 40, 50, 60, 100, 120, 200, 240)  # 1/s
 HALF_WINDOW = {"none": 0, "P": 1, "M": 3}  # cycles   half the length of the class's filter
@@ -135,6 +135,7 @@ class Pmu:
     filter_class: Annotated[Literal["none", "P", "M"], "-", "class of the PMU's filter"] = "none"
 
     @classmethod
+    @checks_arguments
     def noisy(cls, rate: int, noise_mrad: float, latency_ms: float, loss: float) -> "Pmu":
         """PMUs with one noise level for angles and magnitudes of the phasors.
 
@@ -207,6 +208,7 @@ class Pmu:
                 raise StudyError(f"An outage from {begin:g} to {end:g} s is not possible; give the earlier time first.")
             object.__setattr__(self, "outage", (begin, end))
 
+    @checks_arguments
     def own_frames(self, hz: float) -> int:
         """Age of a machine's own report: the group delay of the PMU's filter.
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from stabctl._util.errors import StabctlError, StudyError
 from stabctl._util.tabular import Tabular
+from stabctl._util.validation import checks_arguments
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted, named, together
 from stabctl.dynamics.violations import Violation
@@ -138,6 +139,7 @@ class ImportReport(Tabular):
         return page(self)
 
 
+@checks_arguments
 def import_report(
     raw: str | Path,
     dyr: str | Path | None = None,

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from stabctl._util import toml_file
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import radians, seconds
+from stabctl._util.validation import checks_arguments
 from stabctl._util.wording import near
 from stabctl.model.case import Case
 from stabctl.model.tables import Bus
@@ -166,6 +167,7 @@ def packaged() -> tuple[str, ...]:
     return tuple(sorted(one.name.removesuffix(".toml") for one in folder.iterdir() if one.name.endswith(".toml")))
 
 
+@checks_arguments
 def criteria(name: Criteria | str | Path) -> Criteria:
     """Read criteria.
 

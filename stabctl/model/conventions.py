@@ -73,7 +73,7 @@ def with_conventions(case: Case, name: Conventions) -> Case:
     0
     """
     case = as_case(case)
-    if name not in KNOWN:
+    if not isinstance(name, str) or name not in KNOWN:
         raise StudyError(f"The conventions {shown(name)} are not known; choose one of {', '.join(KNOWN)}.")
     values, devices = KNOWN[name]._asdict(), {}
     for model, rows in case.devices.items():

@@ -73,7 +73,7 @@ def with_loads(case: Case, kind: Loads) -> Case:
     1.0
     """
     case = as_case(case)
-    if kind not in LOW:
+    if not isinstance(kind, str) or kind not in LOW:
         raise StudyError(f"Loads of kind {shown(kind)} are not known; choose one of {', '.join(LOW)}.")
     own = any(load.v for load in case.loads)
     size = dict(zip((b.bus for b in case.buses), abs(powerflow.solve(case).V).tolist(), strict=True)) if own else {}

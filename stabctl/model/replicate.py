@@ -9,6 +9,7 @@ import numpy as np
 
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.process import paused
+from stabctl._util.units import quantity
 
 from . import naming, powerflow, tables
 from .case import Case, as_case
@@ -59,8 +60,11 @@ def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float =
     if tie_bus is None:
         tie_bus = next(m.storage_bus for m in case.machines if m.bus == swing)
     naming.row(case, "buses", tie_bus)
+    x, spread = quantity(x, "pu"), quantity(spread, "-")
     if not 0 < x < np.inf:
         raise StudyError(f"A tie of {x:g} pu is not possible; its reactance must be above 0.")
+    if not -0.9 <= spread <= 9:
+        raise StudyError(f"A spread of {spread:g} is not possible; give one from -0.9 to 9.")
     flow = powerflow.solve(case)
     scheduled = [m._replace(p=float(S.real) * case.base_mva) for m, S in zip(case.machines, flow.S, strict=True)]
     solved = [b._replace(v=abs(V), angle=degrees(phase(V))) for b, V in zip(case.buses, flow.V.tolist(), strict=True)]

@@ -14,6 +14,7 @@ import numpy as np
 
 from stabctl._util import units
 from stabctl._util.errors import StudyError, shown
+from stabctl._util.validation import checks_arguments
 from stabctl._util.wording import counted
 from stabctl.clearing import Screen, Search
 from stabctl.controllers import BangBang, Controller, Law
@@ -53,6 +54,7 @@ BY_SCREEN = (
 LIMIT = "60cyc"  # longest clearing time tried for the evidence
 
 
+@checks_arguments
 def place(
     base: Bases,
     contingencies: Contingencies,

@@ -84,7 +84,9 @@ def chosen(case: Case, wanted: str | Iterable[str], rotors: Iterable[int]) -> tu
         If there is no such quantity, machine, bus or device, or nothing is named.
     """
     found: dict[Channel, None] = {}
-    names = [part for part in naming.listed(wanted) if part] if isinstance(wanted, str) else [*wanted]
+    names = [part for part in naming.listed(wanted) if part] if isinstance(wanted, str) else wanted
+    if not isinstance(names, Iterable):
+        raise StudyError(f"{shown(wanted)} names no quantities; write 'voltage:16,speed', for example.")
     for text in names:
         name, _, place = str(text).strip().partition(":")
         if name not in QUANTITIES:

@@ -114,7 +114,10 @@ class Outages:
             rows = (row,) if star is None else tuple(self.beside[star])
             ends = tuple(end for r in rows for end in self.case.branches[r][:2] if end != star)
             if row == rows[0] and all(self.seen(end) == end for end in ends):
-                told = str(naming.circuit(self.case, row)) if star is None else "-".join(map(str, ends))
+                of_three = "-".join(map(str, ends)) + (
+                    f" ckt {naming.quoted(k.circuit)}" if k.circuit not in ("", "1") else ""
+                )
+                told = str(naming.circuit(self.case, row)) if star is None else of_three
                 found.append(Element(f"branch {told}", ends, rows))
         return tuple(found)
 

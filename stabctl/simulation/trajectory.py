@@ -265,7 +265,7 @@ class Trajectory:
         >>> st.load("two_area").simulate("7-8@1s", until="2s").values("voltage").shape
         (241, 11)
         """
-        if quantity not in QUANTITIES:
+        if not isinstance(quantity, str) or quantity not in QUANTITIES:
             raise StudyError(f"There is no quantity {shown(quantity)}; {near(str(quantity), QUANTITIES, 'there are')}")
         found = QUANTITIES[quantity].values(self.arrays)
         return np.where(self.on, found, np.nan) if QUANTITIES[quantity].while_on else found

@@ -17,6 +17,7 @@ import numpy as np
 from stabctl import devices
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.tabular import Tabular
+from stabctl._util.units import hertz
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted, listed
 from stabctl.dynamics.assembly import INFINITE
@@ -200,7 +201,11 @@ class Modes(Tabular):
         >>> [modes.label(k) for k in modes.swings()]
         ['1, 2 against 3, 4', '1 against 2', '3 against 4']
         """
-        linear = self.linear
+        linear, count = self.linear, len(self.eigenvalues)
+        if not isinstance(k, Integral) or not -count <= k < count:
+            raise StudyError(
+                f"There is no mode {shown(k)}; give a number from 0 to {count - 1}, such as one of swings()."
+            )
         if self.eigenvalues[k] == 0:
             return zero(linear, self.right[:, k], self.left[:, k], k if k < self.references else None)
         if self.electromechanical[k]:
@@ -223,18 +228,14 @@ class Modes(Tabular):
         >>> print(modes.mode(modes.swings()[0]))
         -0.4634 +3.8417j 1/s: 0.611 Hz, damping 0.1198; 1, 2 against 3, 4
         """
-        count = len(self.eigenvalues)
-        if not isinstance(k, Integral) or not -count <= k < count:
-            raise StudyError(
-                f"There is no mode {shown(k)}; give a number from 0 to {count - 1}, such as one of swings()."
-            )
+        label = self.label(k)
         first = np.argsort(-self.shares[:, k].round(6), kind="stable")[:10]  # equal ones in their order
         shares = tuple(Share(self.linear.states[i], float(self.shares[i, k])) for i in first)
         angles = np.angle(self.shapes[:, k], deg=True)
         angles[angles <= ROUNDOFF - 180] = 180.0
         parts = zip(self.linear.point.rotor_names, np.abs(self.shapes[:, k]), angles, strict=True)
         shape = tuple(Part(name, float(size), float(angle)) for name, size, angle in parts)
-        return Mode(complex(self.eigenvalues[k]), bool(self.electromechanical[k]), self.label(k), shares, shape)
+        return Mode(complex(self.eigenvalues[k]), bool(self.electromechanical[k]), label, shares, shape)
 
     def swings(self) -> list[int]:
         """Indices of the electromechanical modes, one of each pair, the slowest first."""
@@ -246,13 +247,13 @@ class Modes(Tabular):
         worst = (min(map(int, group), key=lambda k: self.damping_ratio[k], default=None) for group in groups)
         return list(dict.fromkeys(k for k in worst if k is not None))
 
-    def within(self, low_hz: float, high_hz: float) -> list[int]:
+    def within(self, low_hz: str | float, high_hz: str | float) -> list[int]:
         """Indices of the oscillatory modes in a band of frequencies, one of each pair.
 
         Parameters
         ----------
-        low_hz, high_hz : float, Hz
-            The band.
+        low_hz, high_hz : str or float, Hz
+            The band: 0.5 or "500mHz".
 
         Examples
         --------
@@ -260,10 +261,11 @@ class Modes(Tabular):
         >>> [modes.label(k) for k in modes.within(0.5, 1)]
         ['1, 2 against 3, 4']
         """
-        if not 0 <= low_hz <= high_hz:
-            raise StudyError(f"The band of {low_hz:g} to {high_hz:g} Hz is empty or negative; give the lower first.")
+        low, high = hertz(low_hz), hertz(high_hz)
+        if not 0 <= low <= high:
+            raise StudyError(f"The band of {low:g} to {high:g} Hz is empty or negative; give the lower first.")
         f = self.frequency_hz
-        return [int(k) for k in np.flatnonzero((self.eigenvalues.imag > 0) & (f >= low_hz) & (f <= high_hz))]
+        return [int(k) for k in np.flatnonzero((self.eigenvalues.imag > 0) & (f >= low) & (f <= high))]
 
     @property
     def stable(self) -> bool:

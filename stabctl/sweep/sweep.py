@@ -15,6 +15,7 @@ from stabctl import io
 from stabctl._util import process
 from stabctl._util.errors import StabctlError, StudyError
 from stabctl._util.units import seconds
+from stabctl._util.validation import checks_arguments
 from stabctl._util.wording import counted
 from stabctl.clearing.trial import AUTO
 from stabctl.controllers.controller import Controller
@@ -68,6 +69,7 @@ class Sweep:
         return text + ("; interrupted: run the same command again to continue." if self.interrupted else ".")
 
 
+@checks_arguments
 def run_sweep(
     study: str | Path,
     out: str | Path,

@@ -20,6 +20,7 @@ from scipy.optimize import linear_sum_assignment
 
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.tabular import Tabular
+from stabctl._util.validation import checks_arguments
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted, near
 from stabctl.clearing.critical_time import clearing_time
@@ -220,6 +221,7 @@ class Verification(Tabular):
         return text
 
 
+@checks_arguments
 def verify(
     system: str | None = None, *, folder: str | Path | None = None, download_missing: bool = False
 ) -> Verification:

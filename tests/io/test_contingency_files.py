@@ -209,7 +209,13 @@ def test_a_transformer_with_three_windings_is_one_branch(case, tmp_path):
     (tmp_path / "these.sub").write_text("SUBSYSTEM S BUSES 5 8 END\nEND\n")
     (tmp_path / "these.con").write_text("SINGLE BRANCH IN SUBSYSTEM S\nEND\n")
     found = read_contingencies(tmp_path / "these.con", three, tmp_path / "these.sub")
-    assert sum(one.name.startswith("branch 5-6-8") for one in found) == 3
+    assert sum(one.name.startswith("branch 5-6-8 ckt T1") for one in found) == 3
+    twin = tuple(k._replace(to_bus=98, circuit="1") for k in rows)
+    beside = replace(three, buses=(*three.buses, star._replace(bus=98)), branches=(*three.branches, *twin))
+    both = read_contingencies(tmp_path / "these.con", beside, tmp_path / "these.sub")
+    assert {one.name for one in both} - {one.name for one in found} == {
+        f"branch 5-6-8, fault at bus {end}" for end in (5, 6, 8)
+    }
 
 
 @pytest.mark.parametrize(

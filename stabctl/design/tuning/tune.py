@@ -7,6 +7,7 @@ from typing import Any, Literal
 from stabctl._util import process
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import quantity
+from stabctl._util.validation import checks_arguments
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.jobs.runner import Runner
 from stabctl.model.case import Case
@@ -24,6 +25,7 @@ from .rounds import TUNING, Rounds
 MOST_STARTS = 100
 
 
+@checks_arguments
 def tune(
     bases: "Case | OperatingPoint | Outages | Sequence[OperatingPoint]",
     devices: "Device | Iterable[Device] | None" = None,

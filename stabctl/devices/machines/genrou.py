@@ -26,7 +26,7 @@ from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import circuit_rate, magnitude, quadratic
 
 from .saturation import along, mistakes, points
-from .stator import Input, Internal, Output, admittance, source, stator, torque
+from .stator import Input, Internal, Output, admittance, open_dampers, source, stator, torque
 
 NAME = "GENROU"
 ROLE = "machine"
@@ -69,10 +69,7 @@ class Par(NamedTuple):
         for name in ("x1d", "x1q"):
             if getattr(self, name) == self.xl:
                 yield name, f"must differ from the leakage reactance xl = {self.xl:g}"
-        for T, name in (("T2d", "x1d"), ("T2q", "x1q")):
-            if getattr(self, T) == 0 and self.x2 != getattr(self, name):
-                text = f"must be above 0 where {name} = {getattr(self, name):g} is not x2 = {self.x2:g}"
-                yield T, f"{text}; a machine without subtransient circuits is a two_axis"
+        yield from open_dampers(self, ("T2d", "x2", "x1d"), ("T2q", "x2", "x1q"))
         yield from mistakes(self)
 
 

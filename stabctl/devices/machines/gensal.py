@@ -23,7 +23,7 @@ from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import circuit_rate, quadratic
 
 from .saturation import mistakes, points
-from .stator import Input, Internal, Output, admittance, source, stator, torque
+from .stator import Input, Internal, Output, admittance, open_dampers, source, stator, torque
 
 NAME = "GENSAL"
 ROLE = "machine"
@@ -62,6 +62,7 @@ class Par(NamedTuple):
         """Field and sentence of everything the equations cannot be formed with."""
         if self.x1d == self.xl:
             yield "x1d", f"must differ from the leakage reactance xl = {self.xl:g}"
+        yield from open_dampers(self, ("T2d", "x2", "x1d"), ("T2q", "x2", "xq"))
         yield from mistakes(self)
 
 

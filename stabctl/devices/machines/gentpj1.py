@@ -23,7 +23,7 @@ from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import at_least, circuit_rate, magnitude
 
 from .saturation import mistakes, points
-from .stator import Input, Internal, Output, mean, norton, rest, solved, terminal, torque
+from .stator import Input, Internal, Output, mean, norton, open_dampers, rest, solved, terminal, torque
 
 NAME = "GENTPJ1"
 ROLE = "machine"
@@ -71,6 +71,7 @@ class Par(NamedTuple):
         for name, low in (("x1d", "x2d"), ("x1q", "x2q")):
             if getattr(self, name) == getattr(self, low):
                 yield name, f"must differ from {low} = {getattr(self, low):g}"
+        yield from open_dampers(self, ("T2d", "x2d", "x1d"), ("T2q", "x2q", "x1q"))
         yield from mistakes(self)
 
 

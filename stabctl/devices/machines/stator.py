@@ -5,7 +5,8 @@ Per unit on the machine base. As in PSS/E, w is 1: the effect of the speed on th
 stator transients nearly cancel (Kundur, section 5.1). With the speed factor of GENROU it is the speed.
 """
 
-from typing import Annotated, NamedTuple
+from collections.abc import Iterator
+from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import magnitude
@@ -41,6 +42,17 @@ class Internal(NamedTuple):
     psid: Annotated[float, "pu", "subtransient flux linkage, d axis"]
     psiq: Annotated[float, "pu", "subtransient flux linkage, q axis"]
     w: Annotated[float, "pu", "factor of the stator voltage: the speed, or 1"]
+
+
+def open_dampers(p: Any, *circuits: tuple[str, str, str]) -> Iterator[tuple[str, str]]:
+    """Field and sentence of every subtransient circuit (time constant, reactances with and without it) that is open.
+
+    Its flux would stay as it is. Where both reactances are equal, nothing depends on it.
+    """
+    for T, closed, opened in circuits:
+        if getattr(p, T) == 0 and getattr(p, closed) != getattr(p, opened):
+            text = f"must be above 0 where {opened} = {getattr(p, opened):g} is not {closed} = {getattr(p, closed):g}"
+            yield T, f"{text}; a machine without subtransient circuits is a two_axis"
 
 
 @inline

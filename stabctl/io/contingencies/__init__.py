@@ -4,7 +4,7 @@ from pathlib import Path
 
 from stabctl._util.errors import StudyError
 from stabctl._util.files import path_of
-from stabctl.model.case import Case
+from stabctl.model.case import Case, as_case
 from stabctl.simulation.contingency import Contingency
 
 from . import toml
@@ -47,6 +47,7 @@ def read_contingencies(path: str | Path, case: Case, subsystems: str | Path | No
     north, fault at bus 7: fault 7, to be cleared by opening 7-8
     north, fault at bus 8: fault 8, to be cleared by opening 7-8
     """
+    case = as_case(case)
     if path_of(path).suffix.lower() == ".con":
         return read_con(path, case, None if subsystems is None else Subsystems(path_of(subsystems), case))
     if subsystems is not None:

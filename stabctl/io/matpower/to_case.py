@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 
 from stabctl._util.errors import CaseError, StudyError, shown
 from stabctl._util.units import quantity
+from stabctl._util.validation import checks_arguments
 from stabctl.model.case import Case
 from stabctl.model.tables import Branch, Bus, Load, Machine
 from stabctl.model.typical import POWER_FACTOR, Kind, Known, with_typical_machines
@@ -44,6 +45,7 @@ class Import(NamedTuple):
     known: dict[int, Known]
 
 
+@checks_arguments
 def read_matpower(
     path: str | Path, *, frequency: float | str = FREQUENCY, machines: Literal["typical"] | None = None
 ) -> Case:

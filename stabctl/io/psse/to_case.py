@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from stabctl._util.errors import CaseError, StudyError, shown
+from stabctl._util.validation import checks_arguments
 from stabctl._util.wording import enumerated, listed
 from stabctl.model import naming, tables
 from stabctl.model.case import Case
@@ -50,6 +51,7 @@ class Import:
     unsupported: tuple[Unsupported, ...]
 
 
+@checks_arguments
 def read_psse(
     raw: str | Path,
     dyr: str | Path | None = None,

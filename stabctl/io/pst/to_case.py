@@ -15,6 +15,7 @@ import numpy as np
 
 from stabctl._util.errors import CaseError, shown
 from stabctl._util.units import quantity
+from stabctl._util.validation import checks_arguments
 from stabctl.model import tables as model_tables
 from stabctl.model.case import Case
 from stabctl.model.tables import Branch, Bus, Load, Machine
@@ -43,6 +44,7 @@ class Import(NamedTuple):
     kinds: tuple[tuple[str, str, int, int], ...]  # matrix, role, rows, and those of them that the case holds
 
 
+@checks_arguments
 def read_pst(path: str | Path, *, frequency: float | str | None = None) -> Case:
     """Read a system from a data file of the Power System Toolbox. It is read as data: no code in it is run.
 
