@@ -56,6 +56,10 @@ def test_records(call, says):
         (lambda b: b.margins(None), "None is not a Controller"),
         (lambda b: st.design.pairs(b, delay=[]), "delay = \\[\\] is not a time"),
         (lambda b: st.design.pairs(b, availability=3), "availability = 3 is not a dict"),
+        (
+            lambda b: st.design.pairs(b, availability={"vs": 1.01}),
+            "vs = 1.01 is not allowed; give a number from 0 to 1",
+        ),
         (lambda b: st.design.lqr(b, "vref", effort="x"), "effort = 'x' is not allowed"),
         (lambda b: st.design.lqg(b, "vref", delay=-1), "delay = -1 is not a time"),
         (lambda b: st.design.lqg(b, "vref", rate="x"), "rate of 'x' frames"),

@@ -180,10 +180,10 @@ def pairs(
     late = {name: duration("delay", value) for name, value in delay.items()} if isinstance(delay, Mapping) else {}
     each = 0.0 if isinstance(delay, Mapping) else duration("delay", delay)
     T = np.array([_of(late, s, each) for s in reads])
-    weight = np.array([_of(availability, s, 1.0) for s in reads]) * np.maximum(
+    weight = np.array([_of(availability, s, 1.0, most=1.0) for s in reads]) * np.maximum(
         np.cos(modes.eigenvalues[k].imag * T), 0.0
     )
-    weights = np.outer(weight, [_of(availability, s, 1.0) for s in drives])
+    weights = np.outer(weight, [_of(availability, s, 1.0, most=1.0) for s in drives])
     reach = np.array([_of(ranges, s, RANGES.get(s.kind, 0.1)) for s in drives])
     scores = np.abs(residues) * weights * reach / np.maximum(size, UNSEEN)[:, None] / speed[k]
     scores = np.round(scores, DIGITS)
@@ -203,13 +203,13 @@ def _known(key: str, given: object, signals: Sequence[Signal]) -> None:
             raise StudyError(f"{key} names {shown(name)}, which is not among the signals; {near(str(name), known)}")
 
 
-def _of(given: Mapping[str, float] | None, signal: Signal, otherwise: float) -> float:
+def _of(given: Mapping[str, float] | None, signal: Signal, otherwise: float, most: float = 1e9) -> float:
     """A value given for a signal or its kind."""
     for key in (signal.name, signal.kind):
         if given and key in given:
             value = given[key]
-            if not (isinstance(value, int | float) and 0 <= value < np.inf):
-                raise StudyError(f"{key} = {shown(value)} is not allowed; give a number of at least 0.")
+            if not (isinstance(value, int | float) and 0 <= value <= most):
+                raise StudyError(f"{key} = {shown(value)} is not allowed; give a number from 0 to {most:g}.")
             return float(value)
     return otherwise
 

@@ -160,7 +160,7 @@ def with_exciter(case: Case, machines: Iterable[int] | None) -> list[int]:
     if machines is not None and (isinstance(machines, str) or not isinstance(machines, Iterable)):
         raise StudyError(f"machines = {shown(machines)} is not a list of machines; give [1, 2], for example.")
     found = [m.machine for m in case.machines if case.model(m.machine, "exciter")]
-    numbers = found if machines is None else [case.machine(n).machine for n in machines]
+    numbers = found if machines is None else list(dict.fromkeys(case.machine(n).machine for n in machines))
     for n in numbers:
         if n not in found:
             raise StudyError(
