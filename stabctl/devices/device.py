@@ -92,6 +92,7 @@ class Device:
     standstill: Equation = _equation("p", "largest eigenvalue of a motor that has stopped, 1/s")
     stalled: Equation = _equation("x p", "whether a motor has stalled")
     blocked: Equation = _equation("p", "Par of a link while a terminal has no voltage")
+    stepped: Equation = _equation("p power", "Par of a load that draws more power, complex, pu on the system base")
     from_case: Equation = _equation("*", "Par, from a row of loads.csv, storage.csv or links.csv")
     from_record: Equation = _equation("*", "Par and corrections, from the constants of a PSS/E record")
     family: Equation = _equation("op count w k s f on", "a loop written by hand, for devices of any size")

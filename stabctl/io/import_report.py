@@ -248,7 +248,8 @@ def page(report: ImportReport) -> str:
 def about(report: ImportReport) -> Iterator[str]:
     """Size, title and conventions of the system."""
     case = report.case
-    sizes = {"bus": case.buses, "branch": case.branches, "machine": case.machines, "load": case.loads}
+    loads = {(row.bus, row.id) for row in case.loads if row.kind == "load"}
+    sizes = {"bus": case.buses, "branch": case.branches, "machine": case.machines, "load": loads}
     parts = ", ".join(counted(len(rows), noun) for noun, rows in sizes.items())
     yield f"{parts}; {case.frequency_hz:g} Hz, {case.base_mva:g} MVA"
     if case.title:

@@ -289,14 +289,24 @@ def with_load(
     given |= {} if p is None else {"p": megawatts(p)}
     given |= {} if q is None else {"q": megavars(q)}
     here = [i for i, load in enumerate(case.loads) if load.bus == bus and id in (None, load.id)]
-    if len(here) > 1:
-        named = ", ".join(repr(case.loads[i].id) for i in here)
+    ids, loads = [*dict.fromkeys(case.loads[i].id for i in here)], list(case.loads)
+    parts = (
+        len(here) > 1
+        and len(ids) == 1
+        and ids[0]
+        and not shares
+        and all(sum(getattr(loads[i], x) for i in here) for x in given)
+    )
+    if len(here) > 1 and not parts:
+        named = f"give the id of one ({', '.join(map(repr, ids))}), or " if len(ids) > 1 else ""
         raise StudyError(
-            f"Bus {bus} of {case.name} has {len(here)} loads; give the id of one ({named}), or change one with "
-            f"set('loads.{bus}#2.p', ...)."
+            f"Bus {bus} of {case.name} has {len(here)} loads; {named}change one with set('loads.{bus}#2.p', ...)."
         )
-    loads = list(case.loads)
-    if here:
+    if parts:  # of one load: constant power, current and admittance
+        total = {x: sum(getattr(loads[i], x) for i in here) for x in given}
+        for i in here:
+            loads[i] = loads[i]._replace(**{x: getattr(loads[i], x) * value / total[x] for x, value in given.items()})
+    elif here:
         loads[here[0]] = loads[here[0]]._replace(**given)
     else:
         loads.append(Load(bus, 0.0, 0.0, id=id or "")._replace(**given))

@@ -172,6 +172,12 @@ def circuit_rows(case: Tables, wanted: Circuit) -> list[int]:
     return between
 
 
+def loads_at(case: Tables, bus: int) -> list[tuple[int, str]]:
+    """Row and identifier of every load at a bus; one without an identifier has its place there."""
+    rows = [i for i, load in enumerate(case.loads) if load.bus == bus and load.kind == "load"]
+    return [(row, case.loads[row].id or str(i)) for i, row in enumerate(rows, start=1)]
+
+
 def machine_number(case: Tables, name: object) -> int | None:
     """Number of the machine with this number or name; the bus before the slash of a name may be given by its own."""
     text = _plain(name)

@@ -80,7 +80,7 @@ class Switching(NamedTuple):
     faults: tuple[tuple[int, complex], ...] = ()  # row of the bus, fault admittance, pu
     shunts: tuple[tuple[int, complex], ...] = ()  # row of the bus, admittance switched in, pu
     tripped: frozenset[int] = frozenset()  # rows of machines
-    loads: tuple[tuple[int, complex], ...] = ()  # row of the bus, power added at its power-flow voltage, pu
+    loads: tuple[tuple[tuple[int, str], complex], ...] = ()  # row of the bus and load, power added at its V, pu
 
     @property
     def faulted(self) -> bool:

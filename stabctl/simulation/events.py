@@ -144,6 +144,8 @@ class TripMachine(_Timed):
 class LoadStep(_Timed):
     """Load added at a bus, with the voltage dependence of the load there (constant admittance if there is none).
 
+    Several loads change in proportion to what they draw. A motor load is given more motors, or fewer, like its own.
+
     Parameters
     ----------
     bus : int or str
@@ -154,6 +156,8 @@ class LoadStep(_Timed):
         Active power at the power-flow voltage; text such as "50MW".
     q : float or str, Mvar
         Reactive power at the power-flow voltage; text such as "20Mvar".
+    id : str
+        Identifier of the load, if only this one of the bus changes.
 
     Raises
     ------
@@ -171,6 +175,7 @@ class LoadStep(_Timed):
     at: float
     p: float = 0.0
     q: float = 0.0
+    id: str = ""
 
     def __post_init__(self) -> None:
         super().__post_init__()

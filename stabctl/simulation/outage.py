@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stabctl.model import naming, network
+from stabctl.model import naming, network, powerflow
 from stabctl.model.case import Case
 
 from .contingency import Contingency
@@ -40,6 +40,11 @@ class Outages:
     def net(self) -> network.Network:
         """The network before them."""
         return network.build(self.case)
+
+    @cached_property
+    def voltage(self) -> np.ndarray:
+        """The voltages (pu) before them."""
+        return np.abs(powerflow.solve(self.case).V)
 
     @cached_property
     def loaded(self) -> list[int]:

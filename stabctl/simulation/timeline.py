@@ -8,6 +8,7 @@ from itertools import groupby
 from stabctl._util.errors import StudyError
 from stabctl.model.case import Case
 from stabctl.model.location import Place, circuit, locate
+from stabctl.model.naming import loads_at
 from stabctl.model.network import BOLTED, BranchState, Switching
 
 from .events import Clear, Event, Fault, LoadStep, Open, SwitchShunt, TripMachine, described
@@ -52,7 +53,7 @@ class _State:
         self.branches: dict[int, BranchState] = {}
         self.faults: dict[int, complex] = {}
         self.shunts: dict[int, complex] = {}
-        self.loads: dict[int, complex] = {}
+        self.loads: dict[tuple[int, str], complex] = {}
         self.tripped: set[int] = set()
 
     def switching(self) -> Switching:
@@ -83,9 +84,14 @@ class _State:
                 if row in self.tripped:
                     raise StudyError(f"Machine {number} is tripped twice; remove one trip.")
                 self.tripped.add(row)
-            case LoadStep(bus, _, p, q):
+            case LoadStep(bus, _, p, q, id):
                 row = self._bus(bus)
-                self.loads[row] = self.loads.get(row, 0j) + (p + 1j * q) / self.case.base_mva
+                known = dict.fromkeys(name for _, name in loads_at(self.case, self.case.buses[row].bus))
+                if id and id not in known:
+                    raise StudyError(
+                        f"{self.case.name} has no load {id} at bus {bus}; it has {', '.join(known) or 'none there'}."
+                    )
+                self.loads[row, id] = self.loads.get((row, id), 0j) + (p + 1j * q) / self.case.base_mva
             case SwitchShunt(bus, _, g, b):
                 row = self._bus(bus)
                 self.shunts[row] = self.shunts.get(row, 0j) + (g + 1j * b) / self.case.base_mva

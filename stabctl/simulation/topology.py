@@ -1,5 +1,6 @@
 """The network after a switching operation, as the compiled loop needs it: factors, islands, loads."""
 
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,6 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from stabctl._util.errors import StudyError
+from stabctl.devices.device import Device
 from stabctl.devices.loads import zip_load
 from stabctl.dynamics import family, outputs
 from stabctl.dynamics.operating_point import OperatingPoint
@@ -16,6 +18,7 @@ from stabctl.dynamics.rows import load_rows
 from stabctl.model import naming, network
 from stabctl.model.location import circuit
 from stabctl.model.network import Switching
+from stabctl.model.tables import Load
 
 from ._newton_factors import Pattern, pattern
 from ._places import Net
@@ -116,27 +119,54 @@ def _measured(point: OperatingPoint, switching: Switching) -> Iterator[tuple[str
 
 def _stepped(point: OperatingPoint, switching: Switching) -> tuple[tuple[tuple[str, int, Any], ...], np.ndarray]:
     """The loads that change, with their new parameters, and the admittance (buses, pu) that is added."""
-    added, changed = np.zeros(len(point.V), complex), {}
-    case, nx = point.case, point.layout.nx
-    rows = zip(naming.keys(case, "loads"), case.loads, strict=True)
-    first = {load.bus: (key, load) for key, load in reversed(list(rows))}
-    for bus, power in switching.loads:
-        V, found = float(abs(point.V[bus])), first.get(case.buses[bus].bus)
-        if found is None:
-            added[bus] += power.conjugate() / V**2
+    added, changed = np.zeros(len(point.V), complex), []
+    case, keys, V = point.case, naming.keys(point.case, "loads"), np.abs(point.V).tolist()
+    steps: dict[int, complex] = defaultdict(complex)  # row of the load -> power added at its voltage, pu
+    for (bus, id), power in switching.loads:
+        rows = [row for row, name in naming.loads_at(case, case.buses[bus].bus) if id in ("", name)]
+        if not rows:
+            added[bus] += power.conjugate() / V[bus] ** 2
+        drawn = np.array([zip_load.drawn(case.loads[row], V[bus]) for row in rows])
+        for row, p, q in zip(rows, _shares(drawn.real), _shares(drawn.imag), strict=True):
+            steps[row] += complex(power.real * p, power.imag * q)
+    touched, count = {case.loads[row].bus for row in steps}, defaultdict[tuple[str, int], int](int)
+    for row, load in enumerate(case.loads):
+        if load.bus not in touched:
             continue
-        key, load = found
-        share = zip_load.drawn(load._replace(p=1.0, q=1.0), V)  # of p and q at the power-flow voltage
-        p, q = power.real / share.real * case.base_mva, power.imag / share.imag * case.base_mva
-        more = load._replace(p=load.p + p, q=load.q + q)
-        parts = (load_rows(case, one, V, key=key, bus=bus) for one in (load, more))
-        for (table, before), (_, after) in zip(*parts, strict=True):
-            par = after.par
+        bus, step, modeled = case.row_of_bus[load.bus], steps.get(row, 0j), 0.0
+        for table, of in load_rows(case, load, V[bus], key=keys[row], bus=bus):
             if table == "zip_load":
-                added[bus] += complex(par.Pz - before.par.Pz, before.par.Qz - par.Qz)
-                par = par._replace(Pz=0.0, Qz=0.0)
+                par = _zip(load, (1 - modeled) / case.base_mva, step * case.base_mva, V[bus])
+                added[bus] += complex(par.Pz - of.par.Pz, of.par.Qz - par.Qz)
                 if not zip_load.draws(load):
                     continue
-            at = np.flatnonzero(point.system.family(table).w[:, family.BUS] == nx + 2 * bus)
-            changed[table, int(at[0])] = par
-    return tuple((table, row, par) for (table, row), par in changed.items()), added
+                par = par._replace(Pz=0.0, Qz=0.0)
+            else:
+                modeled = load.model_share
+                par = _modeled(point.system.family(table).device, of.par, modeled * step)
+            at = np.flatnonzero(point.system.family(table).w[:, family.BUS] == point.layout.nx + 2 * bus)
+            if row in steps:
+                changed.append((table, int(at[count[table, bus]]), par))
+            count[table, bus] += 1
+    return tuple(changed), added
+
+
+def _shares(drawn: np.ndarray) -> np.ndarray:
+    """How loads that draw so much share a change; the first one takes it if they draw nothing."""
+    if total := drawn.sum():
+        return drawn / total
+    return np.eye(len(drawn))[0] if len(drawn) else drawn
+
+
+def _zip(load: Load, share: float, power: complex, V: float) -> Any:
+    """The parameters of a share of a load that draws more power (MVA) at the voltage of the power flow (pu)."""
+    unit = zip_load.drawn(load._replace(p=1.0, q=1.0), V)
+    p, q = load.p + power.real / unit.real, load.q + power.imag / unit.imag
+    return zip_load.from_case(load, share * p, share * q, load.v or V)
+
+
+def _modeled(device: Device, par: Any, power: complex) -> Any:
+    """The parameters of a load model that draws more power (pu) at the voltage of the power flow."""
+    if device.has("stepped"):
+        return device.call("stepped", par, power)
+    return par._replace(P0=par.P0 + power.real, Q0=par.Q0 + power.imag)

@@ -138,6 +138,13 @@ def prepare(p: Par) -> Par:
     return p._replace(slip=slip, T=torque(slip) / load(1 - slip, p), Bsh=rest / p.V0**2, pull_out=pull_out)
 
 
+def stepped(p: Par, power: complex) -> Par:
+    """The parameters with more motors of the same kind, or fewer, that draw some power (pu, system base) at V0."""
+    more, own = 1 + power.real / p.P0, p.Q0 - p.Bsh * p.V0**2
+    Q0 = p.Q0 + power.imag
+    return p._replace(P0=p.P0 + power.real, Q0=Q0, mva=more * p.mva, Bsh=(Q0 - more * own) / p.V0**2)
+
+
 @inline
 def load(w, p):
     """Torque of the load over T."""

@@ -5,11 +5,13 @@ branch (two contingencies), at a bus that is disconnected, at the high side of a
 of a load or shunt. When the fault is cleared, everything that the statement names is lost at once.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from stabctl._util.errors import StudyError
 from stabctl._util.wording import listed
+from stabctl.devices.loads import zip_load
+from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.events import Event, LoadStep, SwitchShunt
@@ -161,17 +163,18 @@ class _Block:
 
     def _load(self, statement: Statement, words: list[Word]) -> tuple[int, ...]:
         at = bus(statement, self.case, words[-1])
-        here = self._loads(at)
-        ids = [self.case.loads[row].id or str(i) for i, row in enumerate(here, start=1)]
-        wanted = ids if len(words) == 1 else [words[0].text.strip()]
-        if not ids or not {*wanted} <= {*ids}:
-            what = f"load {words[0]}" if len(words) > 1 else "load"
+        ids = [*dict.fromkeys(id for _, id in naming.loads_at(self.case, at))]
+        wanted = words[0].text.strip() if len(words) > 1 else ""
+        if not ids or wanted not in ("", *ids):
+            what = f"load {words[0]}" if wanted else "load"
             raise statement.error(f"{self.case.name} has no {what} at bus {at}; it has {listed(ids) or 'none there'}.")
-        return self._step(statement, at, [row for id, row in zip(ids, here, strict=True) if id in wanted], -1.0)
+        return self._step(statement, at, wanted, -1.0)
 
-    def _loads(self, at: int) -> list[int]:
-        """Rows of the loads at a bus."""
-        return [row for row, load in enumerate(self.case.loads) if load.bus == at]
+    def _drawn(self, at: int, id: str = "") -> complex:
+        """What the loads at a bus, or the one with an identifier, draw in the power flow (MVA)."""
+        rows = [row for row, name in naming.loads_at(self.case, at) if id in ("", name)]
+        V = self.outages.voltage[self.case.row_of_bus[at]]
+        return sum((zip_load.drawn(self.case.loads[row], V) for row in rows), 0j)
 
     def _shunt(self, statement: Statement, words: list[Word]) -> tuple[int, ...]:
         """The shunt of a bus, which is one in a case, whichever of the shunts of a file is named."""
@@ -189,8 +192,8 @@ class _Block:
         if what.means("GENERATION"):
             raise statement.error("GENERATION is not represented, because generation is not dispatched again.")
         row = self.case.buses[self.case.row_of_bus[at]]
-        of_load, here = what.means("LOAD"), self._loads(at)
-        size = sum(self.case.loads[k].p for k in here) if of_load else row.b
+        of_load = what.means("LOAD")
+        size = self._drawn(at).real if of_load else row.b
         if not size or (not unit.means("PERCENT") and unit.means("MW") != of_load):
             raise statement.error(
                 f"it needs a {'load with active power' if of_load else 'shunt'} at the bus, and "
@@ -201,16 +204,16 @@ class _Block:
         if not share or (of_load and share < -1):
             raise statement.error("it changes nothing." if not share else f"only {abs(size):g} can be taken away.")
         if of_load:
-            return self._step(statement, at, here, share)
+            return self._step(statement, at, "", share)
         return self._switch(statement, at, SwitchShunt(at, 0.0, 0.0, share * row.b))
 
-    def _step(self, statement: Statement, at: int, loads: Sequence[int], share: float) -> tuple[int, ...]:
-        """Change loads (rows) by a share of themselves."""
-        self._take_once(statement, "load", loads)
-        p, q = (share * sum(getattr(self.case.loads[row], part) for row in loads) for part in "pq")
-        if not (p or q):
+    def _step(self, statement: Statement, at: int, id: str, share: float) -> tuple[int, ...]:
+        """Change the loads at a bus, or the one with an identifier, by a share of themselves."""
+        self._take_once(statement, "load", [row for row, name in naming.loads_at(self.case, at) if id in ("", name)])
+        change = share * self._drawn(at, id)
+        if not change:
             raise statement.error("it changes nothing.")
-        self.after.append(LoadStep(at, 0.0, p, q))
+        self.after.append(LoadStep(at, 0.0, change.real, change.imag, id))
         return (at,)
 
     def _switch(self, statement: Statement, at: int, event: SwitchShunt) -> tuple[int, ...]:

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from stabctl._util.errors import CaseError
 from stabctl._util.schema import fields
 from stabctl.devices.blocks.lags import SHORT
+from stabctl.devices.loads import zip_load
 from stabctl.model import naming, tables
 from stabctl.model.tables import Load
 
@@ -158,9 +159,11 @@ class LoadScopes:
             numbers = {"AR": load.AREA or bus.AREA, "ZN": load.ZONE or bus.ZONE, "OW": load.OWNER or bus.OWNER}
             self._scopes[load.I, load.ID] = {**numbers, "BL": load.I, "AL": None}
         self._keys: dict[tuple[int, str], list[naming.Key]] = defaultdict(list)
+        self._drawn: dict[naming.Key, float] = {}
         for row, key in zip(loads, naming.numbered(row.bus for row in loads), strict=True):
             if row.kind == "load":
                 self._keys[row.bus, row.id].append(key)
+                self._drawn[key] = zip_load.drawn(row, buses[row.bus].VM).real
 
     def __contains__(self, where: tuple[int, str]) -> bool:
         return where in self._keys
@@ -177,6 +180,13 @@ class LoadScopes:
     def within(self, record: Record) -> list[naming.Key]:
         """Keys of the loads in the scope of a record."""
         return [key for where in self.named(record) for key in self._keys[where]]
+
+    def part(self, key: naming.Key, par: Any) -> Any:
+        """The parameters for one row of a load: its share of the motor MVA, if they are given."""
+        rows = next(keys for keys in self._keys.values() if key in keys)
+        if len(rows) == 1 or not getattr(par, "Mbase", 0.0):
+            return par
+        return par._replace(Mbase=par.Mbase * self._drawn[key] / sum(self._drawn[row] for row in rows))
 
     def owners(self, records: Iterable[Record]) -> Mapping[int, list[naming.Key]]:
         """Place of a record among all -> keys of the loads that it models: the narrowest scope holds, then the last."""
@@ -195,7 +205,7 @@ def device_rows(
     records: Iterable[Record],
     machines: Mapping[tuple[int, str], Source],
     loads: LoadScopes,
-    known: set[tuple[int, str]],
+    known: Mapping[str, set[tuple[int, str]]],
 ) -> Dynamics:
     """The devices that the records describe.
 
@@ -208,7 +218,7 @@ def device_rows(
     loads
         The loads, with the scopes of records.
     known
-        Bus and ID of every machine of the RAW file, in service or not.
+        Bus and ID of every "generator" and "load" of the RAW file, in service or not.
 
     Raises
     ------
@@ -233,7 +243,7 @@ def _read(
     modeled: list[naming.Key] | None,
     machines: Mapping[tuple[int, str], Source],
     loads: LoadScopes,
-    known: set[tuple[int, str]],
+    known: Mapping[str, set[tuple[int, str]]],
 ) -> None:
     model, order = kinds()[record.kind]
     role, where = tables.role(model), (record.bus or 0, record.id)
@@ -247,7 +257,7 @@ def _read(
     if not owners:
         if role == "load" and loads.within(record):
             found.supported.append(record)  # records of narrower scopes hold for all of its loads
-        elif where not in known:
+        elif where not in known["load" if role == "load" else "generator"]:
             what = "load" if role == "load" else "machine"
             reason = f"the RAW file has no {what} {record.bus}/{record.id}"
             found.unsupported.append(Unsupported(record.kind, record.place, reason))
@@ -265,7 +275,7 @@ def _read(
             "their outputs are added."
         )
     for key in owners:
-        found.add(model, key, par, record.place)
+        found.add(model, key, loads.part(key, par) if role == "load" else par, record.place)
 
 
 @cache

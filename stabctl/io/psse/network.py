@@ -6,7 +6,7 @@ lines become injections of the power that their converters draw at the stored vo
 
     Vdc = N (1.35 E cos(angle) - 3/pi Xc I - 2 Rc I),   E = EBAS V TR / TAP,   1.35 short for 3 sqrt(2)/pi,
 
-and its power factor Vdc / (1.35 N E). Source: Kundur, Power System Stability and Control, section 10.2.
+and its power factor (Vdc + 2 N Rc I) / (1.35 N E). Source: Kundur, Power System Stability and Control, section 10.2.
 """
 
 import cmath
@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from stabctl.model.tables import Branch, Bus, Load, Machine
 
 from .._lexer import Place
-from .._table_builder import ISOLATED, KINDS, POWER_LOW, TableBuilder
+from .._table_builder import ISOLATED, KINDS, TableBuilder
 from .raw import DcLineRecord, Raw, TransformerRecord
 from .records import Converter
 
@@ -113,7 +113,7 @@ def read(raw: Raw) -> Network:
             net.circuit(Branch(k.I, k.J, 0.0, k.X, circuit=k.CKT), place)
     for load, place in _once("load", raw.of("load")):
         if net.has(load.I, place) and load.STATUS:
-            for row in _loads(load):
+            for row in _loads(load, raw.power_low):
                 net.add("loads", row, place)
     return net
 
@@ -128,13 +128,13 @@ def _once(noun: str, records: Iterable[tuple[Any, Place]]) -> Iterator[tuple[Any
         yield one, place
 
 
-def _loads(load: Any) -> Sequence[Load]:
+def _loads(load: Any, low: float) -> Sequence[Load]:
     """Its constant power, constant current and constant admittance, each a row if it is not zero."""
     p, q = load.PL, load.QL
     if load.DGENM:
         p, q = p - load.DGENP, q - load.DGENQ
     rows = (
-        Load(load.I, p, q, 1.0, 1.0, v_low=POWER_LOW, id=load.ID),
+        Load(load.I, p, q, 1.0, 1.0, v_low=low, id=load.ID),
         Load(load.I, load.IP, load.IQ, 0.0, 0.0, 1.0, 1.0, v=1.0, id=load.ID),
         Load(load.I, load.YP, -load.YQ, v=1.0, id=load.ID),
     )
@@ -357,17 +357,19 @@ def read_dc_lines(net: Network) -> None:
         if line.head.MDC == BLOCKED or not all(both):
             continue
         current, at_rectifier, at_inverter = _operation(line, place)
-        for end, power, voltage in (
-            (line.rectifier, at_rectifier * current, at_rectifier),
-            (line.inverter, -at_inverter * current, at_inverter),
-        ):
-            q = _reactive(net, end, abs(power), voltage)
-            if power or q:
-                name = f"DC {line.head.NAME}"
-                net.add("loads", Load(end.IP, power, q, 1.0, 1.0, v_low=POWER_LOW, id=name, kind="injection"), place)
+        drawn = [
+            _drawn(net, line.rectifier, current, at_rectifier),
+            _drawn(net, line.inverter, -current, at_inverter),
+        ]
+        for end, S in zip((line.rectifier, line.inverter), drawn, strict=True):
+            if S:
+                row = Load(end.IP, S.real, S.imag, 1.0, 1.0, v_low=net.raw.power_low, id=f"DC {line.head.NAME}")
+                net.add("loads", row._replace(kind="injection"), place)
+        reactive = " and ".join(f"{S.imag:.4g}" for S in drawn)
         net.corrections.append(
             f"{place}: DC line {line.head.NAME} is a constant-power injection at buses {line.rectifier.IP} and "
-            f"{line.inverter.IP}, {at_rectifier * current:.4g} MW drawn and {at_inverter * current:.4g} MW delivered."
+            f"{line.inverter.IP}, {drawn[0].real:.4g} MW drawn and {-drawn[1].real:.4g} MW delivered, with "
+            f"{reactive} Mvar drawn."
         )
 
 
@@ -390,9 +392,12 @@ def _operation(line: DcLineRecord, place: Place) -> tuple[float, float, float]:
     return current, at_inverter + rise * current, at_inverter
 
 
-def _reactive(net: Network, end: Converter, power: float, voltage: float) -> float:
-    """Reactive power (Mvar) that a converter draws; 0 if its transformer data do not give its power factor."""
+def _drawn(net: Network, end: Converter, current: float, voltage: float) -> complex:
+    """Power (MVA) that a converter draws at a direct current (kA, negative in an inverter) and voltage (kV).
+
+    Its reactive part is 0 if the transformer data do not give the power factor.
+    """
     ideal = 3 * math.sqrt(2) / math.pi * end.NB * end.EBAS * net.bus(end.IP).v * end.TR / (end.TAP or 1.0)
-    if not 0 < voltage < ideal:
-        return 0.0
-    return power * math.tan(math.acos(voltage / ideal))
+    behind = voltage + 2 * end.NB * end.RC * current  # of the commutating resistances
+    active = behind * current
+    return complex(active, abs(active) * math.tan(math.acos(behind / ideal)) if 0 < behind < ideal else 0.0)

@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, get_type_hints
 
 from .._lexer import Line, Place, lines, number, split, whole
+from .._table_builder import POWER_LOW
 from .records import (
     Branch,
     Bus,
@@ -30,6 +31,8 @@ from .records import (
 NEWEST = 35  # version that is read
 _END = re.compile(r"""\s*(['"]?)0\1\s*(?:/|$|[A-Za-z])""")
 _ZEROS = re.compile(r"""\s*(['"]?)0\1(?:[\s,]+0)*[\s,]*(?:/|$)""")  # the same with further fields, empty or 0
+_PQBRAK = re.compile(r"\bPQBRAK\s*=\s*([^\s,/]+)", re.IGNORECASE)
+LEAST_LOW = 0.01  # pu   in place of PQBRAK = 0, so that the network always has a solution
 _QUIT = re.compile(r"\s*[Qq]\s*$")
 _NETWORK = "bus", "load", "generator", "branch", "transformer"  # sections that no network is whole without
 _FIRST = "bus load {}generator branch {}transformer area dc vsc "
@@ -70,6 +73,7 @@ class Raw:
     title: str
     sections: dict[str, list[tuple[Any, Place]]] = field(default_factory=dict)
     unmodeled: list[Unmodeled] = field(default_factory=list)
+    power_low: float = POWER_LOW  # pu   PQBRAK
     cut: str = ""  # that the file ends before all data of the network, in a sentence
 
     def of(self, section: str) -> list[tuple[Any, Place]]:
@@ -132,6 +136,8 @@ def _section(raw: Raw, section: str, texts: Iterator[tuple[Place, str]], before:
         if _QUIT.match(text):
             return None
         line = split(text, place)
+        if section == "system" and (low := _PQBRAK.search(text)):
+            raw.power_low = max(number(low[1], place, "PQBRAK"), LEAST_LOW)
 
         def more(place: Place = place) -> Line:
             at, text = next(texts, (place, "0"))
@@ -181,6 +187,7 @@ NAMED = {
     "gne": "GNE device",
     "induction_machine": "induction machine",
 }
+STATUS = {"vsc": 1, "facts": 3, "induction_machine": 2}  # place of MDC, MODE and STAT: 0 is out of service
 
 
 def begin_record(section: str, version: int, line: Line, more: Callable[[], Line]) -> Any:
@@ -206,7 +213,8 @@ def begin_record(section: str, version: int, line: Line, more: Callable[[], Line
         return _SEVERAL_LINES[section](version, line, more)
     if section in NAMED:
         _skip(version, section, line, more)
-        return Unmodeled(NAMED[section], line.fields[0] if line.fields else "", line.place)
+        in_service = STATUS.get(section) is None or (line.fields[STATUS[section] :] or ["1"])[0] != "0"
+        return Unmodeled(NAMED[section], line.fields[0] if line.fields else "", line.place) if in_service else None
     return None
 
 

@@ -15,7 +15,6 @@ from stabctl.model import naming, tables
 from stabctl.model.case import Case
 from stabctl.model.tables import Load, Machine
 
-from .._table_builder import POWER_LOW
 from . import dyr, network, raw
 from .dyr import Dynamics, LoadScopes, Unsupported
 from .network import Network, Source
@@ -114,7 +113,7 @@ def read(
         raise CaseError(f"{raw_path}: no generator in service is connected to a swing bus; a case needs one.")
     left = {m.machine for m in net.rows["machines"]}
     sources = {key: source for key, source in sources.items() if source.machine in left}
-    known = {(g.I, g.ID) for g, _ in file.of("generator")} | {(load.I, load.ID) for load, _ in file.of("load")}
+    known = {kind: {(one.I, one.ID) for one, _ in file.of(kind)} for kind in ("generator", "load")}
     records = tuple(dyr.read(Path(dyr_path))) if dyr_path is not None else ()
     dynamics = dyr.device_rows(records, sources, LoadScopes(net.rows["loads"], file), known)
     unsupported = _unsupported(file, net, dynamics, dyr_path)
@@ -221,7 +220,7 @@ def _injection(net: Network, dynamics: Dynamics, m: Machine) -> str:
     if all(other.bus != m.bus for other in net.rows["machines"]):
         net.change(m.bus, kind="pq")
     if m.p or m.q:
-        net.add("loads", Load(m.bus, -m.p, -m.q, 1.0, 1.0, v_low=POWER_LOW, id=m.name, kind="injection"), place)
+        net.add("loads", Load(m.bus, -m.p, -m.q, 1.0, 1.0, v_low=net.raw.power_low, id=m.name, kind="injection"), place)
     return f"{place}: machine {m.name} has no model and is a constant-power injection of {m.p:.4g} MW, {m.q:.4g} Mvar."
 
 

@@ -87,11 +87,11 @@ def _switched(case: Case, before: Switching, now: Switching) -> Iterator[str]:
         yield f"{listed(opened)} opened"
     if off := sorted(now.tripped - before.tripped):
         yield f"{enumerated('machine', [case.machines[row].called for row in off])} tripped"
-    for what, old, new in (("load", before.loads, now.loads), ("shunt", before.shunts, now.shunts)):
-        for row, value in new:
-            step = (value - dict(old).get(row, 0j)) * case.base_mva
-            if step:
-                yield f"{what} at bus {buses[row]} changed by {step.real:+.4g} MW and {step.imag:+.4g} Mvar"
+    loads = [(f"load {key[1]}".strip(), key[0], value - dict(before.loads).get(key, 0j)) for key, value in now.loads]
+    shunts = [("shunt", row, value - dict(before.shunts).get(row, 0j)) for row, value in now.shunts]
+    for what, row, change in loads + shunts:
+        if step := change * case.base_mva:
+            yield f"{what} at bus {buses[row]} changed by {step.real:+.4g} MW and {step.imag:+.4g} Mvar"
 
 
 def _machines(run: Trajectory) -> Iterator[tuple[str, ...]]:
