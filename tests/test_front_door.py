@@ -176,7 +176,7 @@ def test_a_law_with_memory_starts_anew_in_every_run(base):
         (lambda b: st.write("two_area", "there"), "is not a system"),
         (lambda b: st.load(3), "There is no case '3'"),
         (lambda b: st.place("two_area", FAULT), "is not a system"),
-        (lambda b: b.place(3), "3 is not a list of contingencies"),
+        (lambda b: b.place(3), "contingencies = 3 is not allowed; give a list"),
         (lambda b: b.estimate(3), "3 is not a contingency"),
         (lambda b: b.modes(3), "is not a band"),
         (lambda b: b.modes("2..1Hz"), "is empty or negative"),

@@ -194,7 +194,8 @@ def test_halves_of_a_load_and_shunts_of_a_bus_are_each_lost_once(case, tmp_path)
     path = tmp_path / "these.con"
     path.write_text(block("REMOVE LOAD 1 FROM BUS 7", "REMOVE LOAD 2 FROM BUS 7", *["REMOVE SHUNT FROM BUS 7"] * 2))
     (found,) = read_contingencies(path, replace(case, loads=(half, half, other)))
-    assert found.after == (*[LoadStep(7, 0.0, -half.p, -half.q)] * 2, SwitchShunt(7, 0.0, 0.0, -200.0))
+    halves = (LoadStep(7, 0.0, -half.p, -half.q, id) for id in ("1", "2"))
+    assert found.after == (*halves, SwitchShunt(7, 0.0, 0.0, -200.0))
 
 
 def test_a_transformer_with_three_windings_is_one_branch(case, tmp_path):

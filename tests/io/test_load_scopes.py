@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from stabctl.io.psse.dyr import LoadScopes, Record, _without_model
 from stabctl.model.tables import Load
 
-BUSES = [SimpleNamespace(I=i, AREA=i, ZONE=1, OWNER=5) for i in (1, 2, 3)]
+BUSES = [SimpleNamespace(I=i, AREA=i, ZONE=1, OWNER=5, VM=1.0) for i in (1, 2, 3)]
 LOADS = [
     SimpleNamespace(I=1, ID="1", AREA=0, ZONE=0, OWNER=0),
     SimpleNamespace(I=2, ID="1", AREA=0, ZONE=7, OWNER=0),

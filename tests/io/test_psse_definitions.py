@@ -238,17 +238,15 @@ def test_a_dc_line_holds_its_set_point_at_the_right_end(tmp_path, mode, setpoint
     lines = [lines_of(33), lines_of(33).replace("-12", "14").replace("0.087", "0.111")]
     case = raw(tmp_path, branch=lines, dc=dc)
     sent, received = {load.bus: load for load in case.loads}[12], {load.bus: load for load in case.loads}[14]
-    current = np.sqrt((sent.p + received.p) / 7.3)  # kA
-    assert {(1, 63.0): sent.p, (1, -63.0): received.p, (2, 411.0): 1e3 * current}[mode, setpoint] == pytest.approx(
-        setpoint
-    )
-    at_inverter, at_rectifier = -received.p / current, sent.p / current
+    commutating = 2 * 2 * 0.7, 2 * 3 * 0.5  # ohm
+    current = np.sqrt((sent.p + received.p) / (7.3 + sum(commutating)))  # kA
+    of_line = [load.p - R * current**2 for load, R in zip((sent, received), commutating, strict=True)]
+    given = {(1, 63.0): of_line[0], (1, -63.0): of_line[1], (2, 411.0): 1e3 * current}
+    assert given[mode, setpoint] == pytest.approx(setpoint)
+    at_inverter = -of_line[1] / current
     assert at_inverter + 2.9 * current == pytest.approx(141.0)
-    for load, voltage, ideal in (
-        (sent, at_rectifier, 2 * 61.0 * 1.012 * 0.93 / 1.04),
-        (received, at_inverter, 3 * 23.0 * 0.987 * 1.71 / 0.97),
-    ):
-        factor = voltage / (3 * np.sqrt(2) / np.pi * ideal)
+    for load, ideal in ((sent, 2 * 61.0 * 1.012 * 0.93 / 1.04), (received, 3 * 23.0 * 0.987 * 1.71 / 0.97)):
+        factor = abs(load.p) / current / (3 * np.sqrt(2) / np.pi * ideal)
         assert 0 < factor < 1
         assert load.q == pytest.approx(abs(load.p) * np.sqrt(1 / factor**2 - 1))
         assert (load.kind, load.p_power, load.q_power) == ("injection", 1.0, 1.0)

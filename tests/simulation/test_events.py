@@ -306,21 +306,23 @@ def test_a_load_of_zero_power_steps_too(load, step):
 
 
 @pytest.mark.parametrize("turned", [False, True])
-def test_a_step_is_one_of_the_first_load_at_its_bus(turned):
+def test_a_step_is_one_of_all_loads_at_its_bus(turned):
+    """In proportion to what they draw: 0.6 of constant admittance, 0.4 of constant power."""
     loads = Load(2, 120.0, 30.0), Load(2, 80.0, 20.0, p_power=1.0, q_power=1.0)
     case, step = small(KINDS["classical"]), 0.5 + 0.2j
     point = operating_point.solve(replace(case, loads=loads[::-1] if turned else loads))
-    now = stage(point, Switching(loads=((1, step),)))
-    added = 0 if turned else step.conjugate() / abs(point.V[1]) ** 2  # the admittance steps as one
+    now = stage(point, Switching(loads=(((1, ""), step),)))
+    added = 0.6 * step.conjugate() / abs(point.V[1]) ** 2
     assert (now.Y - point.admittance())[1, 1] == pytest.approx(added, abs=1e-12)
-    assert bool(now.constants) == turned
+    ((_, _, par),) = now.constants
+    assert complex(par.Pp, par.Qp) == pytest.approx(0.8 + 0.2j + 0.4 * step)
 
 
 def test_a_step_adds_its_power_at_the_voltage_of_the_power_flow():
     """Where that is not 1, active and reactive power of other characteristics need other factors."""
     point = operating_point.solve(small(KINDS["classical"], load=Load(2, 200.0, 50.0, p_current=1.0, v=1.0), v=1.06))
     V = abs(point.V[1])
-    more = (stage(point, Switching(loads=((1, 0.5 + 0.2j),))).Y - point.admittance())[1, 1]
+    more = (stage(point, Switching(loads=(((1, ""), 0.5 + 0.2j),))).Y - point.admittance())[1, 1]
     assert V > 1.02
     assert more == pytest.approx(-0.2j / V**2, abs=1e-12)
 

@@ -168,7 +168,7 @@ class _Block:
         if not ids or wanted not in ("", *ids):
             what = f"load {words[0]}" if wanted else "load"
             raise statement.error(f"{self.case.name} has no {what} at bus {at}; it has {listed(ids) or 'none there'}.")
-        return self._step(statement, at, wanted, -1.0)
+        return self._step(statement, at, wanted if len(ids) > 1 else "", -1.0)
 
     def _drawn(self, at: int, id: str = "") -> complex:
         """What the loads at a bus, or the one with an identifier, draw in the power flow (MVA)."""
