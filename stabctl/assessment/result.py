@@ -360,6 +360,7 @@ class Settings(NamedTuple):
     control: Control
     criteria: Criteria | None = None
     remedies: tuple[str, ...] = ()  # that are looked for
+    source: str = ""  # how its system is made in Python, if that is known
 
 
 def _cycles(number: float) -> str:
