@@ -74,22 +74,13 @@ def powerflow(*, branches: Branches = False, report: Report = None, case: CaseOp
 def _print_branches(out: "Console", lines: list[dict[str, Any]]) -> None:
     from rich.table import Table
 
-    heads = (
-        "from",
-        "to",
-        "circuit",
-        "P at from end, MW",
-        "Q at from end, Mvar",
-        "P at to end, MW",
-        "Q at to end, Mvar",
-        "losses, MW",
-    )
-    table = Table(*heads)
+    powers = (f"{power} at {end} end, {unit}" for end in ("from", "to") for power, unit in (("P", "MW"), ("Q", "Mvar")))
+    table = Table("from", "to", "circuit", *powers, "losses, MW")
     for column in table.columns:
         column.justify = "right"
     for line in lines[: _most(out)]:
-        a, b, name, *powers = line.values()
-        table.add_row(str(a), str(b), name, *(f"{p:.2f}" for p in powers), f"{line['p_from_mw'] + line['p_to_mw']:.2f}")
+        ends, values = [*line.values()][:3], [*line.values()][3:]
+        table.add_row(*map(str, ends), *(f"{x:.2f}" for x in (*values, line["p_from_mw"] + line["p_to_mw"])))
     out.print(table)
     _rest(out, len(lines), "branches")
     lost = sum(line["p_from_mw"] + line["p_to_mw"] for line in lines)

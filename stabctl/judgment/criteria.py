@@ -159,8 +159,7 @@ class Criteria:
             if isinstance(rule, _Local) and not any(map(rule.concerns, buses)):
                 raise StudyError(
                     f"{self.title}, {rule.name}: {case.name} has no bus with {_meant(rule)}; its areas are "
-                    f"{_listed({b.area for b in buses})}, its rated voltages "
-                    f"{_listed({b.rated for b in buses})} kV."
+                    f"{_listed({b.area for b in buses})}, its rated voltages {_listed({b.rated for b in buses})} kV."
                 )
 
 
