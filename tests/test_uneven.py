@@ -109,11 +109,12 @@ def test_the_tables_of_the_command(flow, stabctl, tmp_path):
     table = [list(row.values()) for row in read["buses"]]
     shown = flow.df.reset_index()[["bus", "v_pu", "angle_deg", "p_gen_mw", "q_gen_mvar"]]
     assert np.array(table) == pytest.approx(shown.to_numpy(), abs=1e-7)
+    assert [row.pop("circuit") for row in read["branches"]] == list(flow.branches.index)
     lines = [list(row.values()) for row in read["branches"]]
     assert np.array(lines) == pytest.approx(flow.branches.drop(columns="loss_mw").to_numpy(), abs=1e-7)
     out = stabctl("powerflow", tmp_path / "uneven", "--branches")[1]
     printed = [
-        [float(n) for n in re.findall(r"-?\d+\.?\d*", line)]
+        [float(cell) for i, cell in enumerate(line.split("\t")) if cell and (i != 2 or "-" not in cell[1:])]
         for line in out.splitlines()
         if re.match(r"[\d-]+\S*\t", line)
     ]

@@ -18,6 +18,7 @@ from stabctl.clearing import ClearingTime, Screen, Severity
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.io.contingencies import Monitored
 from stabctl.judgment import Criteria, Judged, judge
+from stabctl.model import naming
 from stabctl.model.powerflow import PowerFlow
 from stabctl.model.short_circuit import ShortCircuitRatio
 from stabctl.model.unusual import UnusualData
@@ -201,7 +202,8 @@ class Study(Tabular):
         own = self.wanted.monitored.voltages if self.wanted.monitored else {}
         low, high = np.array([own.get(b.bus, self.wanted.voltages) for b in self.flow.case.buses]).T
         size = np.abs(self.flow.V)
-        beyond = np.maximum(low - size, size - high)
+        inside = [naming.internal(b) for b in self.flow.case.buses]
+        beyond = np.where(inside, 0.0, np.maximum(low - size, size - high))
         rows = np.argsort(-beyond, kind="stable")[: int((beyond > 1e-9).sum())]
         return tuple((self.flow.case.buses[k].bus, float(size[k])) for k in rows)
 
@@ -358,6 +360,7 @@ class Settings(NamedTuple):
     control: Control
     criteria: Criteria | None = None
     remedies: tuple[str, ...] = ()  # that are looked for
+    source: str = ""  # how its system is made in Python, if that is known
 
 
 def _cycles(number: float) -> str:

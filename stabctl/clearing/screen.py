@@ -80,10 +80,10 @@ def screen(
     below : str or float, optional
         Clearing time from which on a pair is not listed: "8cyc", or seconds. Saves most of the work.
     faults : str or iterable of Contingency or str
-        "lines": faults at both ends of every line. "buses": a fault at every bus, cleared without opening a circuit.
-        Categories of NERC TPL-001-5, Table 1: "P1", "P2", "P4", "P5", "P6", "P7", with a clearing time that a study
-        compares with: "P4@15cyc". Several: "lines, P7". Or the contingencies; the search ignores their own clearing
-        times. Default "lines".
+        "lines": faults at both ends of every line. "buses": a fault at every bus that is not inside a transformer,
+        cleared without opening a circuit. Categories of NERC TPL-001-5, Table 1: "P1", "P2", "P4", "P5", "P6", "P7",
+        with a clearing time that a study compares with: "P4@15cyc". Several: "lines, P7". Or the contingencies; the
+        search ignores their own clearing times. Default "lines".
     storage, control, resolution, limit, observe, longest, scan, step, criterion, criteria
         As in `clearing_time`.
     buses : int, str, or iterable of int, optional
@@ -184,15 +184,19 @@ def _places(
     for circuit in found.screened:
         chosen += [Contingency(bus, trip=circuit) for bus in map(str, circuit[:2]) if wanted is None or bus in wanted]
     if "buses" in kinds:
-        every = (str(b.bus) for b in case.buses)
-        chosen += [Contingency(bus) for bus in every if wanted is None or bus in wanted]
+        own = [str(b.bus) for b in case.buses if not naming.internal(b)] if wanted is None else wanted
+        chosen += [Contingency(str(b.bus)) for b in case.buses if str(b.bus) in own]
     for word in categories:
         of = (one.placed(case) for one in contingencies(case, word))
         chosen += [one for one in of if wanted is None or one.fault in wanted]
     if categories and not chosen:
         raise StudyError(f"{case.name} has no contingencies {', '.join(categories)}{_at(wanted)}.")
     if not chosen:
-        raise StudyError(f"{case.name} has no line{_at(wanted)} that can be opened without splitting the network.")
+        bridges = any(wanted is None or {str(k.a), str(k.b)} & wanted for k in found.bridges)
+        what, why = (
+            ("line", "can be opened without splitting the network") if bridges else ("branch", "counts as a line")
+        )
+        raise StudyError(f"{case.name} has no {what}{_at(wanted)} that {why}.")
     places: dict[str, dict[Contingency, None]] = {}
     for one in chosen:
         places.setdefault(f"{one.fault} through {one.impedance}", {})[one] = None

@@ -220,11 +220,11 @@ class Screen:
 def lines(case: Case) -> Lines:
     """The lines at the high-voltage buses of a case, in the order of its table.
 
-    A line is a branch of turns ratio 1 without phase shift and of positive reactance that does not end at a machine
-    with a step-up transformer (a terminal whose storage belongs to another bus), and that either joins buses of one
-    rated voltage or has charging.
+    A line is a branch with reactance, of turns ratio 1 without phase shift, that does not end at a machine with a
+    step-up transformer (a terminal whose storage belongs to another bus) or inside a transformer, and that either joins
+    buses of one rated voltage or has charging.
     """
-    stepped_up = {m.bus for m in case.machines if m.storage_bus != m.bus}
+    apart = {m.bus for m in case.machines if m.storage_bus != m.bus} | {b.bus for b in case.buses if naming.internal(b)}
     rated = {b.bus: b.rated for b in case.buses}
     net = network.build(case)
     whole = network.islands(net).max()
@@ -233,7 +233,7 @@ def lines(case: Case) -> Lines:
     for row, (k, circuit) in enumerate(zip(case.branches, naming.circuits(case.branches), strict=True)):
         parallel = beside.setdefault(frozenset((k.from_bus, k.to_bus)), [])
         parallel.append(k)
-        if not _is_line(k, rated, stepped_up):
+        if not _is_line(k, rated, apart):
             continue
         if network.islands(net, network.without([row])).max() > whole:
             bridges.append(circuit)
@@ -244,8 +244,8 @@ def lines(case: Case) -> Lines:
     return Lines(tuple(screened), tuple(bridges), tuple(twins))
 
 
-def _is_line(k: Branch, rated: dict[int, float], stepped_up: set[int]) -> bool:
-    plain = k.tap == 1 and k.phase == 0 and k.x > 0 and not {k.from_bus, k.to_bus} & stepped_up
+def _is_line(k: Branch, rated: dict[int, float], apart: set[int]) -> bool:
+    plain = k.tap == 1 and k.phase == 0 and k.x != 0 and not {k.from_bus, k.to_bus} & apart
     return plain and (rated[k.from_bus] == rated[k.to_bus] or k.b > 0)
 
 

@@ -131,7 +131,7 @@ def importing(
     conventions: options.Conventions = None,
     as_json: options.Json = False,
 ) -> int:
-    """Import a PSS/E, PST or MATPOWER system and report what is represented; the exit code is 0 if everything is."""
+    """Import a PSS/E, PST or MATPOWER system and report what is represented; exit code 0: all of it, and it starts."""
     from stabctl._util.errors import StudyError
     from stabctl.io.import_report import import_report
 
@@ -158,7 +158,7 @@ def importing(
         case = io.load(raw, dyr=dyr_path, missing=missing, missing_controls=missing_controls, **how)
         written.append(io.write(case, out))
     shared.written(written, as_json)
-    return 0 if report.complete else INCOMPLETE
+    return 0 if report.complete and not report.failures else INCOMPLETE
 
 
 def check(*, case: CaseOptions, as_json: options.Json = False) -> None:

@@ -19,7 +19,7 @@ Trip = Annotated[str | None, Option("--trip", help="Circuits out of service, suc
 
 def powerflow(*, branches: Branches = False, report: Report = None, case: CaseOptions, as_json: Json = False) -> None:
     """Solve the power flow."""
-    from stabctl.model import powerflow
+    from stabctl.model import naming, powerflow
 
     folder(report)
     flow = powerflow.solve(case.load())
@@ -42,12 +42,13 @@ def powerflow(*, branches: Branches = False, report: Report = None, case: CaseOp
         {
             "from_bus": k.from_bus,
             "to_bus": k.to_bus,
+            "circuit": name,
             "p_from_mw": a.real,
             "q_from_mvar": a.imag,
             "p_to_mw": b.real,
             "q_to_mvar": b.imag,
         }
-        for k, (a, b) in zip(c.branches, ends, strict=True)
+        for name, k, (a, b) in zip(naming.keys(c, "branches"), c.branches, ends, strict=True)
     ]
     page = flow.report(report) if report else None
     if as_json:
@@ -59,9 +60,9 @@ def powerflow(*, branches: Branches = False, report: Report = None, case: CaseOp
     table = Table("bus", "voltage, pu", "angle, deg", "P generated, MW", "Q generated, Mvar")
     for column in table.columns:
         column.justify = "right"
-    for r in rows[: _most(out)]:
+    for r, b in zip(rows[: _most(out)], c.buses, strict=False):
         power = (f"{r['p_gen_mw']:.2f}", f"{r['q_gen_mvar']:.2f}") if made[r["bus"]] else ("", "")
-        table.add_row(str(r["bus"]), f"{r['v_pu']:.5f}", f"{r['angle_deg']:.3f}", *power)
+        table.add_row(naming.told(b), f"{r['v_pu']:.5f}", f"{r['angle_deg']:.3f}", *power)
     out.print(table)
     _rest(out, len(rows), "buses")
     if branches:
@@ -73,21 +74,13 @@ def powerflow(*, branches: Branches = False, report: Report = None, case: CaseOp
 def _print_branches(out: "Console", lines: list[dict[str, Any]]) -> None:
     from rich.table import Table
 
-    heads = (
-        "from",
-        "to",
-        "P at from end, MW",
-        "Q at from end, Mvar",
-        "P at to end, MW",
-        "Q at to end, Mvar",
-        "losses, MW",
-    )
-    table = Table(*heads)
+    powers = (f"{power} at {end} end, {unit}" for end in ("from", "to") for power, unit in (("P", "MW"), ("Q", "Mvar")))
+    table = Table("from", "to", "circuit", *powers, "losses, MW")
     for column in table.columns:
         column.justify = "right"
     for line in lines[: _most(out)]:
-        a, b, *powers = line.values()
-        table.add_row(str(a), str(b), *(f"{p:.2f}" for p in powers), f"{line['p_from_mw'] + line['p_to_mw']:.2f}")
+        ends, values = [*line.values()][:3], [*line.values()][3:]
+        table.add_row(*map(str, ends), *(f"{x:.2f}" for x in (*values, line["p_from_mw"] + line["p_to_mw"])))
     out.print(table)
     _rest(out, len(lines), "branches")
     lost = sum(line["p_from_mw"] + line["p_to_mw"] for line in lines)

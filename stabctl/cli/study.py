@@ -1,10 +1,12 @@
 """stabctl study: is a system secure, what limits it, and by how much."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from . import groups, options, shared
 from .clearing import Contingencies, Subsystems, screened
+from .live import source
 from .parameters import Argument, Option
 from .study_file import given
 
@@ -89,7 +91,8 @@ def study(
     pages: list[Path] = []
 
     def partly(found: "Study") -> None:
-        pages.append(found.report(report))
+        made = source(case).python + ".with_storage(...)" * (storage != groups.StorageOptions())
+        pages.append(replace(found, how=found.how._replace(source=made)).report(report))
 
     with shared.progress("study", 1.0) as tell:
         found = study(

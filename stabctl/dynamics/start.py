@@ -163,7 +163,7 @@ def _upright(case: Case, system: System, s: np.ndarray) -> None:
     if len(reversed_):
         number = case.machines[rotors.unit[reversed_[0]]].called
         raise EquilibriumError(
-            f"Machine {number} of {case.name} initializes with a reversed rotor; check its reactances."
+            f"Machine {number} of {case.name} starts with a reversed rotor; check its power, rating and reactances."
         )
 
 

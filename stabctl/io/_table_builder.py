@@ -112,9 +112,10 @@ class TableBuilder:
     def storage_buses(self) -> None:
         """Give every machine a bus for a storage device: the high-voltage side if only a transformer is at it."""
         joined: dict[int, list[int]] = defaultdict(list)
-        for branch in self.rows["branches"]:
-            joined[branch.from_bus].append(branch.to_bus)
-            joined[branch.to_bus].append(branch.from_bus)
+        for k in self.rows["branches"]:
+            line = k.b > 0 and k.tap == 1 and k.phase == 0  # whatever the rated voltages
+            for a, b in ((k.from_bus, k.to_bus), (k.to_bus, k.from_bus)):
+                joined[a].append(a if line else b)
         for k, m in enumerate(self.rows["machines"]):
             others = set(joined[m.bus])
             if len(others) == 1 and (high := others.pop()) and self.bus(high).rated > self.bus(m.bus).rated > 0:

@@ -16,6 +16,7 @@ from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import radians, seconds
 from stabctl._util.validation import checks_arguments
 from stabctl._util.wording import near
+from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.tables import Bus
 
@@ -59,8 +60,9 @@ class Voltage(_Local):
     )
 
     def concerns(self, bus: Bus) -> bool:
-        """Whether the rule is for the area and the rated voltage of a bus."""
-        return super().concerns(bus) and (self.kv is None or self.kv[0] <= bus.rated <= self.kv[1])
+        """Whether the rule is for the area and the rated voltage of a bus, which is not inside a transformer."""
+        left_out = naming.internal(bus) or (self.kv and not self.kv[0] <= bus.rated <= self.kv[1])
+        return super().concerns(bus) and not left_out
 
 
 class Frequency(_Local):
@@ -147,17 +149,17 @@ class Criteria:
             raise StudyError(
                 f"{self.title} is for {self.frequency_hz:g} Hz, but {case.name} has {case.frequency_hz:g} Hz."
             )
+        buses = [b for b in case.buses if not naming.internal(b)]
         for rule in self.rules:
-            if isinstance(rule, Voltage) and rule.kv and (without := [b for b in case.buses if not b.rated]):
+            if isinstance(rule, Voltage) and rule.kv and (without := [b for b in buses if not b.rated]):
                 raise StudyError(
                     f"{self.title}, {rule.name}: the rule is for rated voltages, but bus {without[0].bus} of "
                     f"{case.name} has none; fill in its column rated, or leave out kv."
                 )
-            if isinstance(rule, _Local) and not any(map(rule.concerns, case.buses)):
+            if isinstance(rule, _Local) and not any(map(rule.concerns, buses)):
                 raise StudyError(
                     f"{self.title}, {rule.name}: {case.name} has no bus with {_meant(rule)}; its areas are "
-                    f"{_listed({b.area for b in case.buses})}, its rated voltages "
-                    f"{_listed({b.rated for b in case.buses})} kV."
+                    f"{_listed({b.area for b in buses})}, its rated voltages {_listed({b.rated for b in buses})} kV."
                 )
 
 

@@ -31,10 +31,15 @@ def _no_branch(case: Case, a: int, b: int) -> str:
     if missing:
         bus, others = min(missing), near(str(min(missing)), (str(k.bus) for k in case.buses))
         return f"There is no branch {a}-{b} in {case.name}, because there is no bus {bus}; {others}"
-    ends = {k.from_bus + k.to_bus - a for k in case.branches if a in (k.from_bus, k.to_bus)}
-    others = ", ".join(f"{a}-{other}" for other in sorted(ends))
-    verb = "branch at bus {a} is" if len(ends) == 1 else "branches at bus {a} are"
+    others = branches_at(case, a)
+    verb = "branches at bus {a} are" if ", " in others else "branch at bus {a} is"
     return f"There is no branch {a}-{b} in {case.name}; the {verb.format(a=a)} {others}."
+
+
+def branches_at(case: Case, bus: int) -> str:
+    """The branches at a bus: `2-1, 2-3, 2-101 (star 2-7-11)`."""
+    ends = {k.from_bus + k.to_bus - bus for k in case.branches if bus in (k.from_bus, k.to_bus)}
+    return ", ".join(f"{bus}-{naming.told(case.buses[case.row_of_bus[end]])}" for end in sorted(ends))
 
 
 def read(case: Case, text: str) -> Place:

@@ -14,7 +14,7 @@ from stabctl._util.errors import StudyError, shown
 from stabctl._util.wording import near, numbered
 
 from . import tables
-from .tables import TABLES, Branch, Key, Tables
+from .tables import TABLES, Branch, Bus, Key, Tables
 
 STORAGE = "ESD "  # begins the names of storage devices in messages: ESD 1@2
 _NOUNS = {
@@ -30,6 +30,7 @@ _CIRCUIT = re.compile(r"(.+?)\s*(?:#\s*([0-9]{1,9})|(?<![^\s0-9])ckt\s*(\S.*))?"
 _QUOTED = r"'(?:[^']|'')*'"
 _LISTED = re.compile(rf"(?:^|,)((?:{_QUOTED}|[^,])*)")
 _PLAIN = re.compile(r"@?[\w&*+.-]+")
+_STAR, _TERMINAL = re.compile(r"star ([0-9]+-[0-9]+-[0-9]+)"), re.compile(r"terminal ([0-9]+)/.+")
 _NUMBERS = re.compile(r"([0-9]{1,18})\s*-\s*([0-9]{1,18})")
 
 
@@ -222,6 +223,28 @@ def bus(case: Tables, number: int) -> str:
     """A bus in words: `bus 7`, or `bus 7 (NORTH)` if it has a name."""
     name = case.buses[case.row_of_bus[number]].name if number in case.row_of_bus else ""
     return f"bus {number} ({name})" if name else f"bus {number}"
+
+
+def star(bus: Bus) -> str:
+    """The transformer with three windings, `2-7-11`, whose star point a bus is; empty if it is none."""
+    match = _STAR.fullmatch(bus.name)
+    return match[1] if match else ""
+
+
+def behind(bus: Bus) -> int:
+    """The bus itself; for a terminal behind the step-up transformer of a machine's record, the bus of that."""
+    match = _TERMINAL.fullmatch(bus.name)
+    return int(match[1]) if match else bus.bus
+
+
+def internal(bus: Bus) -> bool:
+    """Whether a bus is such a star point or terminal, which a RAW file does not number."""
+    return bool(star(bus)) or behind(bus) != bus.bus
+
+
+def told(bus: Bus) -> str:
+    """The number of a bus, and the name of one that a file does not number: `101 (star 2-7-11)`."""
+    return f"{bus.bus} ({bus.name})" if internal(bus) else str(bus.bus)
 
 
 def unit(name: int | str) -> str:

@@ -237,7 +237,7 @@ def _network(case: Case) -> dict[str, Rows]:
     with suppress(PowerFlowError):
         flow = powerflow.solve(case)
         V, S = flow.V, flow.S
-    net, star = network.build(case), {b.bus for b in case.buses if b.name.startswith("star ")}
+    net, star = network.build(case), {b.bus for b in case.buses if naming.star(b)}
     voltages = zip(case.buses, np.abs(V).tolist(), strict=True)
     found: dict[str, Rows] = {"buses": {f"bus {b.bus}": {"v": b.v, "solved voltage": v} for b, v in voltages}}
     across = np.abs(np.angle(V[net.frm] / net.ratio * V[net.to].conj(), deg=True)).tolist()

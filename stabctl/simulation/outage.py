@@ -1,6 +1,5 @@
 """A contingency from the elements that are lost: where its fault is, and what is opened and tripped with it."""
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
@@ -9,6 +8,7 @@ import numpy as np
 
 from stabctl.model import naming, network, powerflow
 from stabctl.model.case import Case
+from stabctl.model.tables import Bus
 
 from .contingency import Contingency
 from .events import Event, TripMachine
@@ -115,7 +115,7 @@ class Outages:
         """The branches; a transformer with three windings is one, and a step-up inside a machine's record none."""
         found = []
         for row, k in enumerate(self.case.branches):
-            star = next((end for end in k[:2] if is_star(self._name(end))), None)
+            star = next((end for end in k[:2] if naming.star(self._bus(end))), None)
             rows = (row,) if star is None else tuple(self.beside[star])
             ends = tuple(end for r in rows for end in self.case.branches[r][:2] if end != star)
             if row == rows[0] and all(self.seen(end) == end for end in ends):
@@ -142,19 +142,12 @@ class Outages:
                 tuple(m.machine for m in self.case.machines if m.bus == b.bus),
             )
             for b in self.case.buses
-            if not is_star(b.name) and self.seen(b.bus) == b.bus
+            if not naming.internal(b)
         )
 
     def seen(self, number: int) -> int:
         """The bus itself; for a terminal behind the step-up transformer of a machine's record, the bus of that."""
-        name = self._name(number)
-        at = name.removeprefix("terminal ").partition("/")[0]
-        return int(at) if name.startswith("terminal ") and "/" in name and at.isdecimal() else number
+        return naming.behind(self._bus(number))
 
-    def _name(self, number: int) -> str:
-        return self.case.buses[self.case.row_of_bus[number]].name
-
-
-def is_star(name: str) -> bool:
-    """Whether a bus is the star point of a transformer with three windings."""
-    return re.fullmatch(r"star \d+-\d+-\d+", name) is not None
+    def _bus(self, number: int) -> Bus:
+        return self.case.buses[self.case.row_of_bus[number]]

@@ -18,7 +18,7 @@ from stabctl.model.network import Switching
 
 from . import _judgment
 from ._buffers import Part
-from .criterion import Criterion, frequency_range
+from .criterion import Criterion, frequency_range, with_frequency
 from .recording import Extremes
 from .swings import Swings
 from .topology import Stage
@@ -226,10 +226,12 @@ def _off_frequency(point: OperatingPoint, end: End, criterion: Criterion) -> str
 
 
 def _outside(point: OperatingPoint, end: End, criterion: Criterion) -> str:
-    """How long the frequency of an island was outside its range, in words; empty if it was not."""
-    if not criterion.frequency_delay_s or not end.outside_s:
-        return ""
-    return f", outside {frequency_range(criterion, point.case.frequency_hz)} for {end.outside_s:.2g} s at most"
+    """How long the frequency of an island was outside its range, or that it ends there unjudged; empty if neither."""
+    left = f", outside {frequency_range(criterion, point.case.frequency_hz)}"
+    off = (end.speed < criterion.min_frequency) | (end.speed > criterion.max_frequency)
+    if (off & ~with_frequency(criterion, point.system) & (end.stage.net.island[point.rotors.unit] >= 0)).any():
+        return f"{left}, which is not checked without a governor"
+    return f"{left} for {end.outside_s:.2g} s at most" if criterion.frequency_delay_s and end.outside_s else ""
 
 
 def _seen(point: OperatingPoint, seen: Extremes | None) -> str:

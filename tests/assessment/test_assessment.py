@@ -1,8 +1,11 @@
 """A stability study: every number is that of the single study; limits are judged right on both sides."""
 
+import html
 import json
+import re
 import sys
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -221,6 +224,8 @@ def test_the_command(stabctl, tmp_path):
     assert code == 0
     assert out.splitlines()[0].split("\t")[:4] == ["fault at", "trip", "critical, cycles", "margin, cycles"]
     assert {p.name for p in tmp_path.iterdir()} == {"s.csv", "two_area_study.html"}
+    page = (tmp_path / "two_area_study.html").read_text("utf-8")
+    assert "base = st.load(&#39;two_area&#39;).initialize()" in page
     code, _, err = stabctl("study", *words, "--faults", "lines", "--contingencies", "x.toml")
     assert (code, "cannot be used together" in err) == (2, True)
 
@@ -311,3 +316,22 @@ def test_every_number_of_a_large_study_is_that_of_the_single_command(name, stora
     for margin in study.margins[:3]:
         alone = base.clearing_time(margin.found.contingency, control=law)
         assert (alone.cycles, alone.status) == (margin.found.cycles, margin.found.status)
+
+
+def test_the_lines_of_the_page_compute_its_numbers(stabctl, tmp_path):
+    """Of a file with options: the system, the search and the criterion are those of the study."""
+    raw = Path(__file__).parents[2] / "docs" / "examples" / "three.raw"
+    words = "--loads", "impedance", "--set", "loads.103.p=240", "--clear", "3cyc", "--worst", 1, "--faults", "lines"
+    words += "--limit", "30cyc", "--observe", 2, "--scan", 0, "--resolution", "1cyc", "--max-angle", "120deg"
+    code, out, _ = stabctl("study", raw, *words, "--remedies", "none", "--report", tmp_path, "--json")
+    page = (tmp_path / "three_study.html").read_text("utf-8")
+    (lines,) = re.findall(r"(base = .*?)</pre>", html.unescape(page), re.DOTALL)
+    found = {}
+    for line in lines.strip().splitlines():
+        exec(line if line.startswith("base = ") else f"last = {line.split('; ')[0]}", {"st": st}, found)
+        if "base.screen" in line:
+            times = sorted(p.reach_cycles for p in found["last"].pairs)
+    record = json.loads(out)
+    assert times == sorted(row["critical_cycles"] for row in record["contingencies"])
+    assert found["last"].outcome.message == record["worst"][0]["message"]
+    assert f"max_angle={float(np.deg2rad(120))!r}" in lines

@@ -93,6 +93,7 @@ def test_a_power_flow_balances_at_every_bus_and_along_every_branch(odd, printed,
         assert (line["from_bus"], line["to_bus"]) == (k.from_bus, k.to_bus)
         values = [line[c] for c in ("p_from_mw", "q_from_mvar", "p_to_mw", "q_to_mvar")]
         assert values == pytest.approx([into.real, into.imag, out.real, out.imag], abs=1e-6)
+        assert shown.pop(2) == line["circuit"]
         assert [float(c) for c in shown] == pytest.approx(
             [k.from_bus, k.to_bus, *values, into.real + out.real], abs=0.0051
         )

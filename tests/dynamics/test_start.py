@@ -158,7 +158,7 @@ def test_a_machine_that_would_stand_upside_down_is_refused(monkeypatch):
         s[[p.name for p in system.layout.states].index("eq")] = -1
 
     monkeypatch.setattr(start, "_guess", reversed_guess)
-    with pytest.raises(EquilibriumError, match="Machine 1 of small initializes with a reversed rotor"):
+    with pytest.raises(EquilibriumError, match="Machine 1 of small starts with a reversed rotor; check its power, rat"):
         operating_point.solve(small(KINDS["bare"]))
 
 

@@ -150,8 +150,10 @@ def test_every_limit_that_the_start_exceeds_is_listed(files):
         report.case.initialize()
 
 
-def test_a_load_flow_without_a_solution_is_reported(files):
-    report = st.import_report(files(GOVERNED, ("250.000,    30.000", "2500.000,    30.000")))
+def test_a_load_flow_without_a_solution_is_reported(files, stabctl):
+    raw = files(GOVERNED, ("250.000,    30.000", "2500.000,    30.000"))
+    report = st.import_report(raw)
+    assert (stabctl("import", raw)[0], stabctl("import", raw, "--no-check")[0]) == (1, 0)
     assert report.complete
     assert report.stored.mw > 2000
     assert report.plain()["dv_pu"] is None

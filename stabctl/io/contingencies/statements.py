@@ -15,9 +15,8 @@ from typing import NamedTuple
 from stabctl._util.errors import CaseError, StudyError, shown
 from stabctl._util.wording import near
 from stabctl.io import _lexer
-from stabctl.model import naming
+from stabctl.model import location, naming
 from stabctl.model.case import Case
-from stabctl.simulation.outage import is_star
 
 _WORD = re.compile(r"""'((?:[^']|'(?![\s,]|$))*)'(?=[\s,]|$)|"([^"]*)"(?=[\s,]|$)|([^\s,'"][^\s,]*)""")
 _GROUP = re.compile(r"\[([^\[\]]*)\]")
@@ -194,8 +193,7 @@ def circuits(statement: Statement, case: Case, ends: Sequence[int], id: Word | N
     rows = list(case.rows_between.get(frozenset(ends), ()))
     name = "-".join(map(str, ends))
     if not rows or len(set(ends)) < 2:
-        others = {k.from_bus + k.to_bus - ends[0] for k in case.branches if ends[0] in (k.from_bus, k.to_bus)}
-        there = ", ".join(f"{ends[0]}-{other}" for other in sorted(others))
+        there = location.branches_at(case, ends[0])
         raise statement.error(f"{case.name} has no branch {name}; the branches at bus {ends[0]} are {there or 'none'}.")
     ids = [case.branches[row].circuit or str(i) for i, row in enumerate(rows, start=1)]
     if wanted in ids:
@@ -206,7 +204,7 @@ def circuits(statement: Statement, case: Case, ends: Sequence[int], id: Word | N
 
 
 def _windings(statement: Statement, case: Case, ends: Sequence[int], wanted: str) -> list[int]:
-    stars = [b.bus for b in case.buses if is_star(b.name) and set(b.name[5:].split("-")) == {*map(str, ends)}]
+    stars = [b.bus for b in case.buses if {*naming.star(b).split("-")} == {*map(str, ends)}]
     found = [[i for i, k in enumerate(case.branches) if star in (k.from_bus, k.to_bus)] for star in stars]
     rows = next((rows for rows in found if rows and case.branches[rows[0]].circuit == wanted), None)
     if rows is None:

@@ -172,7 +172,7 @@ def read_generators(net: Network) -> dict[tuple[int, str], Source]:
             terminal = _terminal(net, g, base, place) if g.XT or g.RT else None
             p, q = (g.PG, g.QG) if terminal is None else terminal[1:]
             where = bus if terminal is None else terminal[0]
-            net.add("machines", Machine(number, where, base, p, where, q, f"{bus}/{g.ID}"), place)
+            net.add("machines", Machine(number, where, base, p, bus, q, f"{bus}/{g.ID}"), place)
             found[bus, g.ID] = Source(number, g.ZR, g.ZX, place)
     net.idle()
     net.storage_buses()

@@ -9,7 +9,9 @@ from stabctl._util.wording import counted, number
 from stabctl.assessment import Study
 from stabctl.assessment.result import BAND, Margin
 from stabctl.clearing.index import CLEARED
+from stabctl.clearing.trial import Search
 from stabctl.controllers import BangBang
+from stabctl.io import load, packaged
 from stabctl.simulation.contingency import Contingency
 
 from ..figures import clearing, grid_strength, one_line
@@ -30,6 +32,8 @@ RUNS = "contingency", "outcome", "largest change of angle (deg)", "lowest voltag
 VIOLATIONS = "contingency", "rule", "where", "value", "at (s)", "limit"
 REMEDIES = "what", "change", "cost"
 MODES = "mode", "frequency (Hz)", "damping ratio (%)", "main participants", "damped by", "undamped by"
+USUAL = Search(longest_s=20.0)  # of a screen
+SEARCH = {"resolution_cycles": "cyc", "limit_cycles": "cyc", "observed_s": "s", "scan_cycles": "cyc", "longest_s": "s"}
 ASKED = 5  # modes whose damping is traced to the controls
 
 
@@ -56,7 +60,7 @@ def page(study: Study) -> Page:
             Section("Operating point", list(_operating_point(study))),
             Section("Unusual data", [Text(sentence) for sentence in study.unusual.sentences()]),
             Section("What was studied", [Text(sentence, soft=True) for sentence in _scope(study)]),
-            Section("In Python", [Text("Each number again, by the command that computes it alone:"), *_lines(study)]),
+            Section("In Python", list(_lines(study))),
         ],
     )
 
@@ -245,17 +249,30 @@ def _scope(study: Study) -> list[str]:
 
 def _lines(study: Study) -> Iterator[Part]:
     """The lines of Python that compute the numbers again."""
-    name = study.point.case.name
-    faults = repr(study.how.faults) if isinstance(study.how.faults, str) else "..."
-    law = ", control=..." if study.how.control else ""
+    yield Text(
+        "Each number again, by the command that computes it alone. In place of ... comes what the study was given: its "
+        "system, contingencies, storage, controls or criteria."
+    )
+    case, how, search = study.point.case, study.how, study.screen.search if study.screen else USUAL
+    known = how.source or (case.name in packaged() and load(case.name) == case and f"st.load({case.name!r})")
+    faults = repr(how.faults) if isinstance(how.faults, str) else "..."
+    for name, unit in SEARCH.items():
+        if (value := getattr(search, name)) != getattr(USUAL, name):
+            faults += f", {name.rpartition('_')[0].replace('observed', 'observe')}='{value:.12g}{unit}'"
+    limits = zip(search.criterion._fields, search.criterion, USUAL.criterion, strict=True)
+    changed = ", ".join(f"{name}={value!r}" for name, value, default in limits if value != default)
+    rules = f", criterion=st.Criterion({changed})" if changed else ""
+    rules += f", step={search.step!r}" * bool(search.step)
+    faults += rules + ", criteria=..." * bool(how.criteria)
+    law = ", control=..." if how.control else ""
     every = [
-        f'base = st.load("{name}").initialize()',
+        f"base = {known}.initialize()" if known else "base = ...",
         "base.power_flow(); base.case.check()",
         f"base.modes(({BAND[0]:g}, {BAND[1]:g}))",
         f"base.screen(faults={faults}{law})",
     ]
     for m, (_, until) in zip(study.margins, study.runs(len(study.worst)), strict=False):
-        every.append(f"base.simulate({_written(m.found.contingency, m.required)}, until={until:.6g}{law})")
+        every.append(f"base.simulate({_written(m.found.contingency, m.required)}, until={until:.6g}{rules}{law})")
     for change in (r.change for r in study.remedies if r.change):
         law = ", control=st.BangBang()" if change.control == [BangBang()] else ", control=..." if change.control else ""
         every.append(f"changed = base.case.{change.code}.initialize()  # {change.words}")
