@@ -103,7 +103,6 @@ def test_controllers_and_designs(base, call, says):
         (lambda run: run.values("speedx"), "There is no quantity 'speedx'; did you mean speed"),
         (lambda run: run.point.constants("genrow"), "There is no model 'genrow'; did you mean genrou"),
         (lambda run: run.point.resized([1, 2, 3, 4, 5, 6]), "give a rating for each"),
-        (lambda run: run.point.resized(3), "ratings = 3 is not allowed; give a list"),
         (lambda run: run.table(3), "3 names no quantities; write 'voltage:16,speed'"),
         (lambda run: run.point.simulate(record="rotors"), "record = 'rotors' is not allowed"),
         (lambda run: run.plot("speed", "voltage"), "One plot shows one quantity, but 2 are given"),

@@ -11,7 +11,6 @@ import scipy.sparse as sp
 from stabctl import devices
 from stabctl._util.errors import EquilibriumError, StudyError, shown
 from stabctl._util.process import paused
-from stabctl._util.validation import checks_arguments
 from stabctl._util.verbs import verb
 from stabctl._util.wording import enumerated, listed, near
 from stabctl.model import fleet, network, powerflow
@@ -244,7 +243,6 @@ class OperatingPoint:
         values, *at = self.admittances(switching).real()
         return matrix(values, (at[0], at[1]), (2 * len(self.V),) * 2, self.equations.small)
 
-    @checks_arguments
     def resized(self, ratings: Iterable[float]) -> "OperatingPoint":
         """The same operating point with other storage ratings, which change nothing else in equilibrium.
 

@@ -157,7 +157,10 @@ class _Seen:
     def _voltage(self, rule: Voltage) -> "Iterator[Violation | str]":
         case, size = self.run.point.case, np.where(self.run.energized, self.run.values("voltage"), np.nan)
         before = np.abs(self.run.point.V)
-        wanted = {"loads": {x.bus for x in case.loads}, "machines": {m.storage_bus or m.bus for m in case.machines}}
+        wanted = {
+            "loads": {x.bus for x in case.loads if x.kind == "load"},
+            "machines": {m.storage_bus or m.bus for m in case.machines},
+        }
         level, sign = _side(rule)
         for k, b in enumerate(case.buses):
             if not rule.concerns(b) or (rule.buses != "all" and b.bus not in wanted[rule.buses]):
