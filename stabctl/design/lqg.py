@@ -187,13 +187,8 @@ def _reduced(
     small = balanced(modes, order)
     moved = np.abs(np.hstack([small.A, small.B])).max(axis=1)
     own = [k for k in range(modes.references, len(moved)) if moved[k] > CONSTANT * moved.max()]
-    return replace(
-        small,
-        A=small.A[np.ix_(own, own)],
-        B=small.B[own],
-        C=small.C[:, own],
-        states=tuple(small.states[k] for k in own),
-    )
+    names = tuple(small.states[k] for k in own)
+    return replace(small, A=small.A[np.ix_(own, own)], B=small.B[own], C=small.C[:, own], states=names)
 
 
 def compensator(

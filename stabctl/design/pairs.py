@@ -69,7 +69,15 @@ class Pairs(Tabular):
 
     @property
     def best(self) -> tuple[str, str]:
-        """The pair with the highest score: the signal that is read, and the input that is driven."""
+        """The pair with the highest score: the signal that is read, and the input that is driven.
+
+        Raises `StudyError` if no score is above 0.
+        """
+        if not self.scores.max() > 0:
+            raise StudyError(
+                f"No pair of signal and input has a score above 0 for the mode at {self.mode_hz:.3f} Hz, as with a "
+                "delay beyond a quarter of its period; give other signals or the delay of each, or input and output."
+            )
         i, j = np.unravel_index(int(self.scores.argmax()), self.scores.shape)
         return self.inputs[i], self.outputs[j]
 

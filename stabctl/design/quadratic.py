@@ -104,7 +104,7 @@ class Robustness:
 
 @dataclass(frozen=True)
 class Quadratic:
-    """A linear model with the cost x' Q x + |u / effort|^2; `basis` (all states, states) leaves out rotations and constants.
+    """A linear model, and the cost x' Q x + |u / effort|^2; `basis` (all states, states) leaves out all that rests.
 
     Attributes
     ----------

@@ -91,8 +91,8 @@ def reduce(linear: Linear, order: int) -> Reduced:
 def balanced(modes: Modes, order: int) -> Reduced:
     """Reduce a linear model to `order` states by balanced truncation (square-root method).
 
-    Unstable, undamped and zero modes are kept; only the stable part is truncated. `hankel` of the result holds the Hankel
-    singular values of the stable part. Twice the sum of those dropped bounds the error at any frequency.
+    Unstable, undamped and zero modes are kept; only the rest is truncated. `hankel` of the result holds the Hankel
+    singular values of that part. Twice the sum of those dropped bounds the error at any frequency.
 
     Parameters
     ----------

@@ -57,6 +57,8 @@ class Tunable:
         Machine of a packaged stabilizer; None for another controller.
     noise
         Standard deviation of the noise of each signal that it reads, in its unit.
+    shared
+        Whether another controller drives the same input.
     """
 
     structure: Any
@@ -67,11 +69,13 @@ class Tunable:
     limits: tuple[float, float] = (-np.inf, np.inf)
     machine: int | None = None
     noise: float = 0.0
+    shared: bool = False
 
     @property
     def name(self) -> str:
         """What it is called."""
-        return f"{self.output.replace(':', ' ')} tuned"
+        text = f"{self.output} tuned" + f" ({', '.join(self.inputs)})" * self.shared
+        return text.replace(":", " ")
 
     def controller(self, v: np.ndarray) -> Controller:
         """The controller at values v of its parameters, with its first delay."""
@@ -166,6 +170,8 @@ def with_exciter(case: Case, machines: Iterable[int] | None) -> list[int]:
             raise StudyError(
                 f"Machine {n} of {case.name} has no exciter, so it can have no stabilizer; choose other machines."
             )
+    if not numbers and found:
+        raise StudyError("machines names no machine; leave it out for all with an exciter.")
     if not numbers:
         raise StudyError(f"{case.name} has no machine with an exciter, so it can have no stabilizer.")
     return numbers
