@@ -69,14 +69,11 @@ class Pairs(Tabular):
 
     @property
     def best(self) -> tuple[str, str]:
-        """The pair with the highest score: the signal that is read, and the input that is driven.
-
-        Raises `StudyError` if no score is above 0.
-        """
+        """The signal that is read and the input that is driven with the highest score; an error if none is above 0."""
         if not self.scores.max() > 0:
             raise StudyError(
-                f"No pair of signal and input has a score above 0 for the mode at {self.mode_hz:.3f} Hz, as with a "
-                "delay beyond a quarter of its period; give other signals or the delay of each, or input and output."
+                f"No pair has a score above 0 for the mode at {self.mode_hz:.3f} Hz: availability or delay leave nothing "
+                "of the signals; give others, a shorter delay, or input and output."
             )
         i, j = np.unravel_index(int(self.scores.argmax()), self.scores.shape)
         return self.inputs[i], self.outputs[j]

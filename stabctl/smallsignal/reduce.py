@@ -85,6 +85,7 @@ def reduce(linear: Linear, order: int) -> Reduced:
     >>> st.load("two_area").linearize(inputs="vref:2", outputs="speed:2").reduce(10).A.shape
     (10, 10)
     """
+    _unsampled(linear)
     return balanced(analyze(linear), order)
 
 
@@ -159,12 +160,16 @@ def _truncated(matrices: Matrices, order: int) -> tuple[Matrices, np.ndarray]:
     return (left @ A @ right, left @ B, C @ right), hankel
 
 
-def _all(modes: Modes) -> None:
-    if modes.linear.transition()[2] or getattr(modes.linear, "opened", None) is not None:
+def _unsampled(linear: Linear) -> None:
+    if linear.transition()[2] or getattr(linear, "opened", None) is not None:
         raise StudyError(
-            f"The closed loop of {modes.linear.name} has sampled or delayed controllers; reduce the linear model of "
-            "the system, or the controllers."
+            f"The closed loop of {linear.name} has sampled or delayed controllers; reduce the linear model of the "
+            "system, or the controllers."
         )
+
+
+def _all(modes: Modes) -> None:
+    _unsampled(modes.linear)
     if len(modes) < len(modes.linear.states):
         raise StudyError(
             f"Reducing {modes.linear.name} needs all its modes, not those of a band; analyze its full linear model."

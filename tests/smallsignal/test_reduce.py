@@ -137,7 +137,8 @@ def test_undamped_modes_are_kept_whole(cases):
 def test_loops_with_frames_or_delays_are_not_reduced(cases, options):
     base = cases("two_area").initialize(storage="50MW")
     law = st.Controller("deviation:1", "order:1@5", [], [], [], [[10.0]], **options)
-    modes = base.closed_loop(law, inputs="order", outputs="deviation").modes()
-    for call in (lambda: balanced(modes, 5), lambda: modal(modes, [3])):
+    loop = base.closed_loop(law, inputs="order", outputs="deviation")
+    modes = loop.modes()
+    for call in (lambda: balanced(modes, 5), lambda: modal(modes, [3]), lambda: loop.reduce(5)):
         with pytest.raises(StudyError, match="has sampled or delayed controllers"):
             call()
