@@ -48,6 +48,7 @@ from stabctl.smallsignal.modes import Modes
 
 from .result import Design, least, least_ratio
 
+Loop = Callable[[float], np.ndarray]  # a response at a frequency in rad/s
 FLOOR = 1e-6  # weight of every state, relative to that of the speeds, which makes all of them observed
 HZ = (0.01, 100.0)  # between which margins are sought
 ROUND = 1e-3  # below 1 by which the return difference of an optimal loop may fall by rounding
@@ -245,9 +246,7 @@ def weighed(point: OperatingPoint, weights: Weights) -> tuple[tuple[Signal, ...]
     return found, np.array([scales[s.kind] for s in found])
 
 
-def robustness(
-    loop: Callable[[float], np.ndarray], poles: np.ndarray, damping: float, fastest: float = HZ[1]
-) -> Robustness:
+def robustness(loop: Loop, poles: np.ndarray, damping: float, fastest: float = HZ[1]) -> Robustness:
     """Margins of a stable loop.
 
     Parameters
@@ -285,7 +284,7 @@ def _least(value: Callable[[float], float], hz: np.ndarray) -> float:
     return float(min([v.min(), *between]))
 
 
-def plant(modes: Modes, C: np.ndarray, D: np.ndarray, rate: int | None = None) -> Callable[[float], np.ndarray]:
+def plant(modes: Modes, C: np.ndarray, D: np.ndarray, rate: int | None = None) -> Loop:
     """Response (signals, inputs) of y = C x + D u at a frequency in rad/s.
 
     Parameters

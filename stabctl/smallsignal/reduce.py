@@ -161,7 +161,7 @@ def _truncated(matrices: Matrices, order: int) -> tuple[Matrices, np.ndarray]:
 
 
 def _unsampled(linear: Linear) -> None:
-    if linear.transition()[2] or getattr(linear, "opened", None) is not None:
+    if getattr(linear, "period", 0) or getattr(linear, "opened", None) is not None:
         raise StudyError(
             f"The closed loop of {linear.name} has sampled or delayed controllers; reduce the linear model of the "
             "system, or the controllers."

@@ -74,8 +74,7 @@ class Tunable:
     @property
     def name(self) -> str:
         """What it is called."""
-        text = f"{self.output} tuned" + f" ({', '.join(self.inputs)})" * self.shared
-        return text.replace(":", " ")
+        return (f"{self.output} tuned" + f" ({', '.join(self.inputs)})" * self.shared).replace(":", " ")
 
     def controller(self, v: np.ndarray) -> Controller:
         """The controller at values v of its parameters, with its first delay."""
@@ -303,13 +302,11 @@ def stabilizers(
     if model is not None and shape.washout != USUAL_WASHOUT:
         raise StudyError(f"{devices.every()[model].name} keeps its own washout; leave out washout.")
     numbers = tuple(machines) if isinstance(machines, Iterable) and not isinstance(machines, str) else machines
-    fast = checked_fast(fast)
     low_high, filter_s = checked_limits("stabilizers", limits), duration("noise_filter", noise_filter)
     if model is not None and filter_s:
         raise StudyError(f"{devices.every()[model].name} has its own filters; leave out noise_filter.")
-    return Stabilizers(
-        numbers, model, checked_gain("gain", gain), fast, shape, low_high, filter_s, checked_noise(noise)
-    )
+    most = checked_gain("gain", gain), checked_fast(fast)
+    return Stabilizers(numbers, model, *most, shape, low_high, filter_s, checked_noise(noise))
 
 
 # Other controllers.
