@@ -94,39 +94,38 @@ class Scheduled:
         That law; its lowest voltage is also that of the schedule.
     rate
         Least number of frames per second.
-    after
-        Frames from clearing on.
+    length
+        Length of a schedule from clearing on, s.
     """
 
     trial: Trial
     law: BangBang
     rate: int
-    after: int
+    length: float
 
-    def frames(self, k: int) -> tuple[int, float]:
-        """Frames within a fault of a duration on the grid, and frames per second: one begins at fault and clearing.
+    def frames(self, k: int) -> tuple[int, int, float]:
+        """Frames within a fault of a duration on the grid, after it, and per second: one begins at fault and clearing.
 
-        A fault shorter than a frame has none.
+        A fault of no duration has none.
         """
-        length = self.trial.duration(k)
-        if length * self.rate < 1 - 1e-9:
-            return 0, float(self.rate)
-        before = math.ceil(length * self.rate - 1e-9)
-        return before, before / length
+        fault = self.trial.duration(k)
+        before = math.ceil(fault * self.rate - 1e-9)
+        rate = before / fault if fault else float(self.rate)
+        return before, max(1, round(self.length * rate)), rate
 
     def plan(self, k: int, known: Plan) -> Plan:
         """The orders of another duration: those from clearing on keep their time, the first one is repeated."""
-        before, rate = self.frames(k)
-        middle = (np.arange(-before, self.after) + 0.5) / rate
+        before, after, rate = self.frames(k)
+        middle = (np.arange(-before, after) + 0.5) / rate
         rows = np.floor(middle * known.rate).astype(int) + known.before
         return Plan(k, before, rate, known.orders[np.clip(rows, 0, len(known.orders) - 1)])
 
     def of_run(self, k: int, run: Trajectory, at: float) -> Plan:
         """The mean orders of a run in every frame; the fault began at `at` (s)."""
-        before, rate = self.frames(k)
+        before, after, rate = self.frames(k)
         start = at + self.trial.duration(k) - before / rate
         frame = np.floor((run.time - start) * rate + 1e-6)
-        rows = [run.arrays.order[frame == n] for n in range(before + self.after)]
+        rows = [run.arrays.order[frame == n] for n in range(before + after)]
         none = np.zeros((1, run.arrays.order.shape[1]))
         return Plan(k, before, rate, np.array([(r if len(r) else none).mean(axis=0) for r in rows]))
 

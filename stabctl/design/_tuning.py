@@ -90,7 +90,7 @@ def common(scenarios: Sequence[Scenario], make: Make, unit: np.ndarray, gains: n
         return worst(scenarios, make, gain * unit)
 
     best, low = (spare(0.0), 0.0), 0.0
-    for gain in map(float, gains):
+    for gain in map(float, gains) if best[0] < 0 else ():
         found = spare(gain)
         best = max(best, (found, gain))
         if found >= 0:

@@ -31,7 +31,7 @@ from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.interconnection import held
-from stabctl.smallsignal.reduce import Reduced, balanced
+from stabctl.smallsignal.reduce import Reduced, balanced, kept_modes
 
 from .lqr import stable
 from .quadratic import Regulator, Weights, discrete_riccati, driven, plant, quadratic, robustness, weighed
@@ -43,6 +43,7 @@ LIMITED = (
     "The design ignores the limits of the outputs, and the estimator does not know when they act; check the regulator "
     "by simulation."
 )
+CONSTANT = 1e-12  # of the largest row of [A B]: a state that nothing moves
 DROPPED = 1e-3  # of the sum of the Hankel singular values that the reduction drops, by default
 
 
@@ -136,7 +137,7 @@ def lqg(
     one = replace(bare, B=bare.B / scales.noise, C=effort * bare.C, D=effort * bare.D / scales.noise)
     cost, after = quadratic(point, drives, weights, reads), stable(point, one)
     seen = plant(cost.modes, cost.C, cost.D, rate)
-    own = robustness(lambda w: -response(one, w) @ seen(w), least(after)[0], rate / 2)
+    own = robustness(lambda w: -response(one, w) @ seen(w), after.eigenvalues, least(after)[0], rate / 2)
     said = () if limits is None else (LIMITED,)
     return Regulator.of_cost(cost, one, after, full=cost.robustness(cost.optimal(effort)), own=own, remarks=said)
 
@@ -163,7 +164,7 @@ def _reduced(
     weights: Weights,
     order: int | None,
 ) -> Reduced:
-    """The plant with scaled inputs [u, load changes] and outputs [y, cost], without the rotations of all angles."""
+    """The plant with scaled inputs [u, load changes] and outputs [y, cost], without rotations and constant states."""
     loads = chosen(point.case, list(dict.fromkeys(f"storage:{m.storage_bus}" for m in point.case.machines)), INPUTS)
     swings, sizes = weighed(point, weights)
     seen = tuple(dict.fromkeys([*reads, *swings]))
@@ -176,14 +177,18 @@ def _reduced(
         model, B=model.B * ins, C=model.C[rows] / outs, D=model.D[rows] * ins / outs, outputs=labels[0] + labels[1]
     )
     modes = replace(model.modes(), linear=scaled)
-    loose = int((modes.eigenvalues.real >= 0).sum())
-    if order is None:
+    loose, n = len(kept_modes(modes)), len(scaled.states)
+    if order is None and loose == n:
+        order = n
+    elif order is None:
         hankel = balanced(modes, loose + 1).hankel
         left = hankel.sum() - np.cumsum(hankel)
         order = loose + int(np.argmax(left <= DROPPED * hankel.sum())) + 1
     small = balanced(modes, order)
-    m = modes.references
-    return replace(small, A=small.A[m:, m:], B=small.B[m:], C=small.C[:, m:], states=small.states[m:])
+    moved = np.abs(np.hstack([small.A, small.B])).max(axis=1)
+    own = [k for k in range(modes.references, len(moved)) if moved[k] > CONSTANT * moved.max()]
+    names = tuple(small.states[k] for k in own)
+    return replace(small, A=small.A[np.ix_(own, own)], B=small.B[own], C=small.C[:, own], states=names)
 
 
 def compensator(

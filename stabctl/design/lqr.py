@@ -89,7 +89,7 @@ def lqr(
     K_y = _projected(cost, K)
     one = _static([s.name for s in reads], drives, K_y, limits, name)
     after, seen = stable(point, one), plant(cost.modes, cost.C, cost.D)
-    own = robustness(lambda w: -K_y @ seen(w), least(after)[0])
+    own = robustness(lambda w: -K_y @ seen(w), after.eigenvalues, least(after)[0])
     return Regulator.of_cost(cost, one, after, full=cost.robustness(K), own=own)
 
 

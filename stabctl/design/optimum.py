@@ -246,8 +246,6 @@ def optimum(
     """
     began, point = time.perf_counter(), operating_point(base, storage)
     case = point.case
-    if not isinstance(law, BangBang):
-        raise StudyError(f"law = {shown(law)} cannot take over after a schedule; give BangBang(min_voltage=0.5).")
     if isinstance(iterations, bool) or not isinstance(iterations, int) or iterations < 1:
         raise StudyError(f"iterations = {shown(iterations)} is not a number of convex programs; give at least 1.")
     if not case.storage:
@@ -265,7 +263,7 @@ def optimum(
     first = critical(trial)
     if first.status != "found" or not first.cycles:
         raise StudyError(f"There is no clearing time to increase: {first.brief()}; give another contingency or limit.")
-    scheduled = Scheduled(trial, law, rate, max(1, round(length * rate)))
+    scheduled = Scheduled(trial, law, rate, length)
     most = math.inf if energy is None else megawatt_hours(energy)
     if not most > 0:
         raise StudyError(f"energy = {shown(energy)} is not allowed; give more than 0.")

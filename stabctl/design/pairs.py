@@ -69,7 +69,12 @@ class Pairs(Tabular):
 
     @property
     def best(self) -> tuple[str, str]:
-        """The pair with the highest score: the signal that is read, and the input that is driven."""
+        """The signal that is read and the input that is driven with the highest score; an error if none is above 0."""
+        if not self.scores.max() > 0:
+            raise StudyError(
+                f"No pair has a score above 0 for the mode at {self.mode_hz:.3f} Hz: availability or delay leave no "
+                "signal; give others, a shorter delay, or input and output."
+            )
         i, j = np.unravel_index(int(self.scores.argmax()), self.scores.shape)
         return self.inputs[i], self.outputs[j]
 

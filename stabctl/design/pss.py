@@ -84,6 +84,8 @@ def pss(
     (True, 2)
     """
     Tw = duration("washout", washout)
+    if not Tw:
+        raise StudyError(f"washout = {shown(washout)} is not allowed; give a time above 0 s.")
     shape: dict[str, Any] = {"stages": stages, "gain": gain, "fast": fast, "washout": (Tw, Tw), "limits": limits}
     own = stabilizers(machines, noise_filter=noise_filter, **shape)
     more: dict[str, Any] = {"sensitivity": sensitivity, "starts": starts, "seed": seed}

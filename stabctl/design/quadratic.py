@@ -34,6 +34,7 @@ from typing import Any, Self
 
 import numpy as np
 import scipy.linalg as sl
+from scipy.optimize import minimize_scalar
 
 from stabctl._util.errors import StudyError, shown
 from stabctl._util.units import hertz, radians
@@ -41,14 +42,15 @@ from stabctl.controllers.controller import Controller
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
 from stabctl.smallsignal.closed_loop import closed_loop
-from stabctl.smallsignal.model import Linear
+from stabctl.smallsignal.margins import AROUND
+from stabctl.smallsignal.model import Linear, grid
 from stabctl.smallsignal.modes import Modes
 
 from .result import Design, least, least_ratio
 
+Loop = Callable[[float], np.ndarray]  # a response at a frequency in rad/s
 FLOOR = 1e-6  # weight of every state, relative to that of the speeds, which makes all of them observed
 HZ = (0.01, 100.0)  # between which margins are sought
-POINTS = 300  # frequencies
 ROUND = 1e-3  # below 1 by which the return difference of an optimal loop may fall by rounding
 SHIFT = 10.0  # 1/s   of the Cayley transform; must not be an eigenvalue of A
 MOST = 60  # doublings
@@ -97,15 +99,13 @@ class Robustness:
 
     def __str__(self) -> str:
         up = "any" if np.isinf(self.gain_up) else f"{self.gain_up:.3g}"
-        return (
-            f"damping ratio {self.damping:.4f}, gain margin {self.gain_down:.3g} to {up}, delay margin "
-            f"{1e3 * self.delay_s:.3g} ms"
-        )
+        late = "any" if np.isinf(self.delay_s) else f"{1e3 * self.delay_s:.3g} ms"
+        return f"damping ratio {self.damping:.4f}, gain margin {self.gain_down:.3g} to {up}, delay margin {late}"
 
 
 @dataclass(frozen=True)
 class Quadratic:
-    """A linear model with the cost x' Q x + |u / effort|^2; `basis` (all states, states) leaves out the rotation.
+    """A linear model, and the cost x' Q x + |u / effort|^2; `basis` (all states, states) leaves out all that rests.
 
     Attributes
     ----------
@@ -155,7 +155,8 @@ class Quadratic:
         """Margins of the feedback u = K x."""
         n, p = self.model.B.shape
         states = plant(self.modes, np.eye(n), np.zeros((n, p)))
-        return robustness(lambda w: -K @ states(w), least_ratio(np.linalg.eigvals(self.closed(K))))
+        s = np.linalg.eigvals(self.closed(K))
+        return robustness(lambda w: -K @ states(w), s, least_ratio(s))
 
 
 @dataclass(frozen=True, repr=False)
@@ -226,8 +227,9 @@ def quadratic(
     swings, scale = weighed(point, weights)
     seen = tuple(dict.fromkeys([*reads, *swings]))
     model = closed_loop(point, inputs=drives, outputs=seen)
-    rotation = model.rotation()
-    basis = sl.qr(rotation)[0][:, rotation.shape[1] :]  # orthogonal to the rotations of all angles
+    constant = ~np.hstack([model.A, model.B]).any(axis=1)
+    out = np.hstack([model.rotation(), np.eye(len(model.A))[:, constant]])
+    basis = sl.qr(out)[0][:, out.shape[1] :]  # orthogonal to the rotations of all angles and to what nothing moves
     Z = model.C[[seen.index(s) for s in swings]] @ basis / scale[:, None]
     Q = Z.T @ Z
     Q = Q + FLOOR * np.trace(Q) / len(Q) * np.eye(len(Q))
@@ -244,32 +246,45 @@ def weighed(point: OperatingPoint, weights: Weights) -> tuple[tuple[Signal, ...]
     return found, np.array([scales[s.kind] for s in found])
 
 
-def robustness(loop: Callable[[float], np.ndarray], damping: float, fastest: float = HZ[1]) -> Robustness:
+def robustness(loop: Loop, poles: np.ndarray, damping: float, fastest: float = HZ[1]) -> Robustness:
     """Margins of a stable loop.
 
     Parameters
     ----------
     loop : callable
         The loop gain L (inputs, inputs), with the sign of a negative feedback, at a frequency in rad/s.
+    poles : array, 1/s
+        Eigenvalues of the closed loop, near which margins are least.
     damping : float
         Smallest damping ratio of the loop.
     fastest : float, Hz
         Highest frequency; half of the rate of a sampled loop.
     """
-    smallest, delay = 1.0, np.inf
-    for hz in np.geomspace(HZ[0], fastest, POINTS):
-        w = 2 * np.pi * hz
-        L = loop(w)
-        difference = np.eye(len(L)) + L
-        smallest = min(smallest, float(np.linalg.svd(difference, compute_uv=False)[-1]))
-        size = float(np.linalg.norm(L @ np.linalg.inv(difference), 2))
-        if size > 0.5:
-            delay = min(delay, 2 * np.arcsin(1 / (2 * size)) / w)
+
+    def difference(hz: float) -> float:
+        L = loop(2 * np.pi * hz)
+        return min(1.0, float(np.linalg.svd(np.eye(len(L)) + L, compute_uv=False)[-1]))
+
+    def late(hz: float) -> float:
+        L = loop(2 * np.pi * hz)
+        size = float(np.linalg.norm(L @ np.linalg.inv(np.eye(len(L)) + L), 2))
+        return float(np.arcsin(1 / (2 * size)) / (np.pi * hz)) if size > 0.5 else np.inf
+
+    hz = grid(poles, HZ[0], fastest, AROUND)
+    smallest, delay = _least(difference, hz), _least(late, hz)
     up = np.inf if smallest > 1 - ROUND else 1 / (1 - smallest)
     return Robustness(damping, 1 / (1 + smallest), up, delay)
 
 
-def plant(modes: Modes, C: np.ndarray, D: np.ndarray, rate: int | None = None) -> Callable[[float], np.ndarray]:
+def _least(value: Callable[[float], float], hz: np.ndarray) -> float:
+    """The least value between frequencies, of which some are near every narrow minimum."""
+    v = np.array([value(f) for f in hz])
+    low = np.flatnonzero((v[1:-1] <= v[:-2]) & (v[1:-1] <= v[2:]) & (v[1:-1] < 2 * v.min())) + 1
+    between = [minimize_scalar(value, bounds=(hz[k - 1], hz[k + 1]), method="bounded").fun for k in low]
+    return float(min([v.min(), *between]))
+
+
+def plant(modes: Modes, C: np.ndarray, D: np.ndarray, rate: int | None = None) -> Loop:
     """Response (signals, inputs) of y = C x + D u at a frequency in rad/s.
 
     Parameters

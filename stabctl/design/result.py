@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from annotated_types import Interval
+from scipy.optimize import linear_sum_assignment
 
 from stabctl._util import files
 from stabctl._util.errors import StudyError
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SLOW, FAST = 0.1, 3.0  # Hz   band of the modes that a design improves
-NEAR = 0.1  # Hz   within which a mode is taken for the same before and after
 SLACK = 0.002  # loss of damping ratio allowed to a mode that is not meant
 GROWING = 1e-6  # 1/s   real part of an eigenvalue from which it counts as growing
 HZ = np.geomspace(0.01, 1000.0, 1001)  # frequencies at which the largest gain is sought
@@ -231,33 +231,43 @@ class Requirement:
     damping
         The damping ratio.
     floors
-        Frequency (Hz) and damping ratio of the modes that need not reach it, but must not fall.
+        Eigenvalue (1/s) of every mode of 0.1 to 3 Hz as it is, and the damping ratio that it must have.
     """
 
     damping: Annotated[float, "-", "damping ratio", Interval(ge=0, lt=1)]
-    floors: tuple[tuple[float, float], ...] = ()
+    floors: tuple[tuple[complex, float], ...] = ()
 
     def __post_init__(self) -> None:
         guard(self)
 
     def spare(self, s: np.ndarray) -> np.ndarray:
-        """What the damping ratio of every eigenvalue s (1/s) has beyond what it must reach; inf if nothing is asked."""
-        hz, ratio = np.abs(s.imag) / (2 * np.pi), ratios(s)
-        inside = (s.imag != 0) & (hz >= SLOW) & (hz <= FAST)
+        """What the damping ratio of every eigenvalue s (1/s) has beyond what it must reach; inf if nothing is asked.
+
+        Nothing is asked of the second of a pair. The modes of the floors are those whose eigenvalues moved least.
+        """
+        inside, ratio = _upper(s), ratios(s)
         asked = np.full(len(s), self.damping)
-        for f, value in self.floors:
-            near = np.abs(hz - f) < NEAR
-            asked[near] = np.minimum(asked[near], value - SLACK)
+        if self.floors:
+            before, least = np.array(self.floors).T
+            floor, own = linear_sum_assignment(np.abs(before[:, None] - s[inside]))
+            asked[np.flatnonzero(inside)[own]] = least[floor].real
         outside = np.where(s.real > GROWING, ratio - self.damping, np.where(s.imag == 0, np.inf, ratio))
-        return np.where(inside, ratio - asked, outside)
+        return np.where(inside, ratio - asked, np.where(s.imag < 0, np.inf, outside))
 
     def sparing(self, s: np.ndarray, hz: float) -> "Requirement":
         """The same for one mode alone, that nearest to a frequency; others of s below it must stay where they are."""
-        at, ratio = np.abs(s.imag) / (2 * np.pi), ratios(s)
-        inside = np.flatnonzero((s.imag > 0) & (at >= SLOW) & (at <= FAST))
-        meant = min(inside, key=lambda k: abs(at[k] - hz), default=-1)
-        others = [k for k in inside if k != meant and ratio[k] < self.damping]
-        return Requirement(self.damping, tuple((float(at[k]), float(ratio[k])) for k in others))
+        inside = s[_upper(s)]
+        ratio, edge = ratios(inside), -GROWING / np.abs(inside)
+        least = np.where(ratio < edge, ratio - SLACK, np.maximum(ratio - SLACK, edge))
+        least[np.abs(inside.imag - 2 * np.pi * hz).argsort()[:1]] = self.damping
+        least = np.minimum(least, self.damping)
+        return Requirement(self.damping, tuple(zip(inside.tolist(), least.tolist(), strict=True)))
+
+
+def _upper(s: np.ndarray) -> np.ndarray:
+    """Which eigenvalues (1/s) are modes of 0.1 to 3 Hz, one of each pair."""
+    hz = s.imag / (2 * np.pi)
+    return np.asarray((hz >= SLOW) & (hz <= FAST))
 
 
 def ratios(s: np.ndarray) -> np.ndarray:

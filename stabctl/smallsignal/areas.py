@@ -8,10 +8,11 @@ Source: J. H. Chow (ed.), Time-Scale Modeling of Dynamic Networks, 1982, ch. 5 (
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from numbers import Integral
 
 import numpy as np
 
-from stabctl._util.errors import CaseError, StudyError
+from stabctl._util.errors import CaseError, StudyError, shown
 from stabctl._util.wording import counted
 from stabctl.model import naming
 from stabctl.model.case import Case
@@ -86,6 +87,8 @@ def areas(modes: Modes, count: int | None = None) -> Areas:
     if count is None:
         tried = range(min(islands + 1, most), max(islands + 1, min(machines // 3, most - 1)) + 1)
         return max((_split(modes, swings[: k - islands]) for k in tried), key=lambda found: found.agreement)
+    if isinstance(count, bool) or not isinstance(count, Integral):
+        raise StudyError(f"count = {shown(count)} is not a number of areas; give a whole number.")
     if not islands <= count <= most:
         raise StudyError(
             f"{name} cannot be divided into {counted(count, 'area')}: it has {counted(len(swings), 'swing mode')}; "

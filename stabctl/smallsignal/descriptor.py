@@ -17,8 +17,9 @@ from scipy.sparse.linalg import splu
 from stabctl.dynamics import layout, outputs, storage
 from stabctl.dynamics.inputs import extended, place
 from stabctl.dynamics.jacobian import Derivatives, Matrix, array, filled
-from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen
+from stabctl.model.case import Case
 
 from . import _linearization_checks
 
@@ -85,7 +86,7 @@ class Descriptor:
 
 
 def descriptor(
-    point: OperatingPoint, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()
+    point: Case | OperatingPoint, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()
 ) -> Descriptor:
     """Sparse descriptor matrices of an operating point, exact (complex step on the simulated equations).
 
@@ -94,8 +95,8 @@ def descriptor(
 
     Parameters
     ----------
-    point : OperatingPoint
-        The operating point.
+    point : Case or OperatingPoint
+        The operating point; a case is initialized first.
     inputs, outputs : iterable of str or Signal
         Signals, as in `linearize`.
 
@@ -110,6 +111,7 @@ def descriptor(
     StudyError
         If a signal is not known.
     """
+    point = operating_point(point)
     case = point.case
     u, y = chosen(case, inputs, INPUTS), chosen(case, outputs, OUTPUTS)
     point = extended(point, u, y)

@@ -37,8 +37,8 @@ from ._characteristic import Characteristic, growing
 from .closed_loop import joined
 from .delayed_loop import DelayedLoop
 from .eigen import GROWING
-from .interconnection import plant_of
-from .model import grid
+from .interconnection import common_period, plant_of
+from .model import grid, resonances
 from .opened_loop import alone, linear_loop
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ class Margins(Tabular):
     ----------
     delay
         Smallest further delay (s) with which the loop is unstable; inf if it is stable up to 2 s. Sampled controllers
-        are delayed by whole frames of the slowest rate.
+        are delayed by whole common periods of their frames.
     gain_up, gain_down
         Factors of all gains at which the loop becomes unstable: the smallest above 1, and the largest below 1; inf and
         0 if there are none.
@@ -240,7 +240,7 @@ def _found(point: OperatingPoint, own: list[Named]) -> Margins:
     fast = f.later(-LATER).scaled(min(up, GAINS[1])).bound() / (2 * np.pi) if f else 0.0
     loops = single_loops(point, own, poles, fast)
     if rates:
-        return Margins(_first(1 / min(rates), lambda more: stable(1.0, more)), up, down, *loops)
+        return Margins(_first(float(common_period(rates)), lambda more: stable(1.0, more)), up, down, *loops)
     assert f is not None  # without rates
     now = f.later(-LATER)
     bound = now.bound()
@@ -295,7 +295,7 @@ def _delay(f: Characteristic, bound: float, good: Callable[[float], bool]) -> fl
 
 def _crossings(f: Characteristic, bound: float) -> list[tuple[float, float]]:
     """Frequencies (rad/s) at which an eigenvalue of E H(j w) has magnitude 1, and its angle (rad)."""
-    near = np.abs(f.poles.imag)[:, None] + np.abs(f.poles.real)[:, None] * np.linspace(-3, 3, 7)
+    near = resonances(f.poles, np.linspace(-3, 3, 7))
     w = np.unique(np.concatenate([np.geomspace(1e-2, bound, POINTS), near[(near > 1e-2) & (near < bound)]]))
     sizes = np.sort(np.abs(_loci(f, w)), axis=1)
     at, which = np.nonzero((sizes[:-1] > 1) != (sizes[1:] > 1))

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 STEPS = 400  # of a grid of frequencies
 AROUND = np.tan(np.linspace(-1.5, 1.5, 31))  # its points around each resonance, in widths of it
+NARROW = 1e-6  # least width, relative to the frequency, and
+BESIDE = 0.05  # of it: distance from a pole on the imaginary axis
 
 
 @dataclass(frozen=True, repr=False)
@@ -303,6 +305,12 @@ class Response:
 
 def grid(poles: np.ndarray, low: float, high: float, around: np.ndarray = AROUND) -> np.ndarray:
     """Frequencies (Hz) between two, dense around the resonances of poles (1/s): at these widths from each."""
-    swings = poles[poles.imag > 0]
-    near = (swings.imag[:, None] + np.abs(swings.real[:, None]) * around).ravel() / (2 * np.pi)
+    near = resonances(poles[poles.imag > 0], around) / (2 * np.pi)
     return np.unique(np.r_[np.geomspace(low, high, STEPS), near[(near > low) & (near < high)]])
+
+
+def resonances(poles: np.ndarray, around: np.ndarray) -> np.ndarray:
+    """Frequencies (rad/s) at these widths from the resonance of each pole (1/s), none at a pole itself."""
+    s = poles[:, None]
+    width = np.maximum(np.abs(s.real), NARROW * np.abs(s.imag))
+    return np.asarray(np.abs(s.imag) + BESIDE * (width - np.abs(s.real)) + width * around).ravel()

@@ -13,6 +13,7 @@ from stabctl.dynamics.inputs import place
 from stabctl.dynamics.jacobian import Derivatives
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import Signal
+from stabctl.model.case import Case
 
 from .descriptor import Descriptor, descriptor
 from .model import eliminated
@@ -24,7 +25,7 @@ TOLERANCE = 1e-12  # pu on 100 MVA   largest current mismatch of a bus
 
 
 def nonlinear(
-    point: OperatingPoint, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()
+    point: Case | OperatingPoint, inputs: Iterable[str | Signal] = (), outputs: Iterable[str | Signal] = ()
 ) -> "control.NonlinearIOSystem":
     """Return the simulated equations as a python-control system, in deviations from the operating point.
 
@@ -32,8 +33,8 @@ def nonlinear(
 
     Parameters
     ----------
-    point : OperatingPoint
-        The operating point.
+    point : Case or OperatingPoint
+        The operating point; a case is initialized first.
     inputs, outputs : iterable of str or Signal
         Signals, as in `linearize`.
 

@@ -17,6 +17,7 @@ from .model import Linear, Model
 from .modes import Modes
 
 CERTAIN = 1e6  # |left| |right| of a mode up to which its vectors are good
+UNDAMPED = 1e-8  # relative real part of an eigenvalue that is rounding
 NEAR = 1e-2  # relative distance of eigenvalues that are taken together
 
 Matrices = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -70,7 +71,7 @@ def modal(modes: Modes, keep: Iterable[int], static: bool = True) -> Reduced:
 def reduce(linear: Linear, order: int) -> Reduced:
     """Reduce a linear model to `order` states by balanced truncation; see `balanced`.
 
-    Raises `StudyError` if the model is sampled, has no inputs or no outputs, or `order` is not possible.
+    Raises `StudyError` if the model is sampled or delayed, has no inputs or no outputs, or `order` is not possible.
 
     Parameters
     ----------
@@ -84,19 +85,15 @@ def reduce(linear: Linear, order: int) -> Reduced:
     >>> st.load("two_area").linearize(inputs="vref:2", outputs="speed:2").reduce(10).A.shape
     (10, 10)
     """
-    if linear.transition()[2]:
-        raise StudyError(
-            f"The closed loop of {linear.name} has sampled controllers; reduce the linear model of the system, or the "
-            "controllers."
-        )
+    _unsampled(linear)
     return balanced(analyze(linear), order)
 
 
 def balanced(modes: Modes, order: int) -> Reduced:
     """Reduce a linear model to `order` states by balanced truncation (square-root method).
 
-    Unstable and zero modes are kept; only the stable part is truncated. `hankel` of the result holds the Hankel
-    singular values of the stable part. Twice the sum of those dropped bounds the error at any frequency.
+    Unstable, undamped and zero modes are kept; only the rest is truncated. `hankel` of the result holds the Hankel
+    singular values of that part. Twice the sum of those dropped bounds the error at any frequency.
 
     Parameters
     ----------
@@ -125,31 +122,54 @@ def balanced(modes: Modes, order: int) -> Reduced:
             f"Balanced reduction of {linear.name} needs inputs and outputs; linearize with inputs='vref' and "
             "outputs='speed', for example."
         )
-    loose = np.flatnonzero(modes.eigenvalues.real >= 0)
+    loose = kept_modes(modes)
     n, kept = len(linear.states), len(loose)
     if isinstance(order, bool) or not isinstance(order, Integral):
         raise StudyError(f"order = {shown(order)} is not a number of states; give a whole number.")
-    if not kept < order <= n:
+    least = min(kept + 1, n)
+    if not least <= order <= n:
         raise StudyError(
             f"{linear.name} cannot be reduced to {counted(order, 'state')}: of its {n} states, "
-            f"{counted(kept, 'unstable or zero mode')} must be kept; choose an order from {kept + 1} to {n}."
+            f"{counted(kept, 'unstable, undamped or zero mode')} must be kept; choose an order from {least} to {n}."
         )
-    A, B, C = _block(modes, np.setdiff1d(np.arange(n), loose))
-    P, Q = (_factor(sl.solve_continuous_lyapunov(*pair)) for pair in ((A, -B @ B.T), (A.T, -C.T @ C)))
-    U, hankel, Vt = np.linalg.svd(Q.T @ P)
-    r = min(order - kept, int((hankel > 1e-12 * hankel[0]).sum()))
-    root = np.sqrt(hankel[:r])
-    right, left = P @ Vt[:r].T / root, (Q @ U[:, :r] / root).T
-    parts = [(left @ A @ right, left @ B, C @ right)]
-    labels = [f"balanced {k + 1}" for k in range(r)]
-    if kept:
-        parts.insert(0, _block(modes, loose))
-        labels = [*_real_basis(modes, loose)[1], *labels]
+    parts = [_block(modes, loose)] if kept else []
+    labels = list(_real_basis(modes, loose)[1]) if kept else []
+    hankel = np.zeros(0)
+    if kept < n:
+        part, hankel = _truncated(_block(modes, np.setdiff1d(np.arange(n), loose)), order - kept)
+        parts.append(part)
+        labels += [f"balanced {k + 1}" for k in range(len(part[0]))]
     matrices = sl.block_diag(*(p[0] for p in parts)), np.vstack([p[1] for p in parts]), np.hstack([p[2] for p in parts])
     return Reduced(linear.name, *matrices, linear.D.copy(), tuple(labels), linear.inputs, linear.outputs, hankel)
 
 
+def kept_modes(modes: Modes) -> np.ndarray:
+    """The modes that a reduction keeps: those that are unstable, undamped or zero, to rounding."""
+    s = modes.eigenvalues
+    return np.flatnonzero(s.real >= -UNDAMPED * np.maximum(1, np.abs(s)))
+
+
+def _truncated(matrices: Matrices, order: int) -> tuple[Matrices, np.ndarray]:
+    """The balanced states of a stable model with the most effect, `order` at most; all Hankel singular values."""
+    A, B, C = matrices
+    P, Q = (_factor(sl.solve_continuous_lyapunov(*pair)) for pair in ((A, -B @ B.T), (A.T, -C.T @ C)))
+    U, hankel, Vt = np.linalg.svd(Q.T @ P)
+    r = min(order, int((hankel > 1e-12 * hankel[0]).sum()))
+    root = np.sqrt(hankel[:r])
+    right, left = P @ Vt[:r].T / root, (Q @ U[:, :r] / root).T
+    return (left @ A @ right, left @ B, C @ right), hankel
+
+
+def _unsampled(linear: Linear) -> None:
+    if getattr(linear, "period", 0) or getattr(linear, "opened", None) is not None:
+        raise StudyError(
+            f"The closed loop of {linear.name} has sampled or delayed controllers; reduce the linear model of the "
+            "system, or the controllers."
+        )
+
+
 def _all(modes: Modes) -> None:
+    _unsampled(modes.linear)
     if len(modes) < len(modes.linear.states):
         raise StudyError(
             f"Reducing {modes.linear.name} needs all its modes, not those of a band; analyze its full linear model."
@@ -157,8 +177,9 @@ def _all(modes: Modes) -> None:
 
 
 def _whole_pairs(modes: Modes, keep: Iterable[int]) -> np.ndarray:
-    chosen = {int(k) for k in keep}
-    if not chosen or not chosen <= set(range(len(modes))):
+    given = list(keep) if isinstance(keep, Iterable) else [keep]
+    chosen = {int(k) for k in given if isinstance(k, Integral) and 0 <= k < len(modes)}
+    if not chosen or len(chosen) < len(set(given)):
         raise StudyError(f"Give at least one mode to keep, with numbers from 0 to {len(modes) - 1}.")
     s = modes.eigenvalues
     for k in list(chosen):

@@ -107,7 +107,7 @@ def test_parameters_without_an_effect_are_not_listed():
     ("given", "options", "sentence"),
     [
         ((), {}, "no contingency"),
-        (5, {}, "not a list of contingencies"),
+        (5, {}, "contingencies = 5 is not allowed; give a list"),
         ([Contingency(trip="7-8")], {}, "with a fault"),
         (FAULT, {"training": 0.0}, "not a share"),
     ],

@@ -121,7 +121,7 @@ def test_the_figure_shows_swings_and_power(longest):
         ({"limit": "2cyc"}, "no clearing time to increase: fault 7, trip 5-7: stable up to the limit"),
         ({"energy": "5MW"}, "5MW"),
         ({"energy": "-5kWh"}, "energy = '-5kWh' is not allowed; give more than 0"),
-        ({"law": None}, "law = None cannot take over"),
+        ({"law": None}, "law = None is not allowed; give a BangBang"),
         ({"iterations": 0}, "iterations = 0 is not"),
     ],
     ids=["storage", "rate", "window", "limit", "energy", "negative energy", "law", "iterations"],
@@ -151,3 +151,13 @@ def test_two_areas_hold_longer_than_with_any_law_known(cases, gate, least, law):
     assert found.start.cycles == law
     assert found.cycles >= least
     assert found.proof.stable
+
+
+def test_few_orders_fill_fault_and_window(cases):
+    """Less than one a fault: one begins with the fault, and the window has the length asked for at their rate."""
+    case = cases("two_area").with_storage("50MW")
+    options = {"window": "2s", "resolution": "1cyc", "iterations": 1, "observe": "3s", "longest": "3s"}
+    found = optimum(case, "7", rate=3, **options)
+    assert found.before == 1
+    assert found.time[0] == pytest.approx(-found.seconds)
+    assert found.time[-1] + 1 / found.schedule.rate == pytest.approx(2.0)

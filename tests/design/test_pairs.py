@@ -89,3 +89,9 @@ def test_the_command_ranks(stabctl):
 def test_mistakes(base, given, says):
     with pytest.raises(StudyError, match=says):
         pairs(base, **given)
+
+
+def test_without_any_score_there_is_no_best_pair(base):
+    for call in (lambda: pairs(base, delay="500ms").best, lambda: pod(base, delay="500ms")):
+        with pytest.raises(StudyError, match=r"No pair has a score above 0 for the mode at 0\.608 Hz"):
+            call()

@@ -71,3 +71,27 @@ def test_mistakes(base, given, says):
     wanted = {"input": "deviation:1", "output": "order:3@11"} | given
     with pytest.raises(StudyError, match=says):
         pod(base, **wanted)
+
+
+def test_a_mode_near_another_must_reach_the_damping_itself(cases):
+    """At 1.122 and 1.153 Hz; the second stays at 0.0861."""
+    base = cases("two_area_thyristor").initialize(storage="50MW")
+    found = pod(base, "deviation:1", "order:1@5", mode="1.12Hz", damping=0.12)
+    modes = found.after[0]
+    near = min(modes.within(0.1, 3), key=lambda k: abs(modes.frequency_hz[k] - 1.12))
+    assert found.reached
+    assert modes.damping_ratio[near] >= 0.12  # 0.1201; it was 0.0885
+
+
+def test_an_undamped_mode_must_not_grow(cases):
+    base = cases("two_area").classical().initialize(storage="5%mva")
+    found = pod(base, "deviation:1", damping=0.05)
+    assert not found.reached
+    assert found.short == pytest.approx(0.002, rel=0.05)
+
+
+def test_nothing_is_driven_where_the_damping_is_there_anyway(cases):
+    base = cases("two_area_thyristor").initialize(storage="50MW")
+    found = pod(base, "deviation:1", "order:1@5", mode="1.15Hz", damping=0.05)
+    assert found.reached
+    assert found.largest_gains == {"pod": 0.0}

@@ -394,3 +394,19 @@ def test_equal_stages_have_exact_delayed_modes_and_margins(cases):
     assert equal.gain_up == pytest.approx(near.gain_up, rel=5e-3)
     late = point.closed_loop(*(c.delayed("5ms") for c in controllers(0.0))).modes()
     assert "all found" in str(late)
+
+
+def test_the_simulations_are_those_of_the_level_nearest_1(cases):
+    few = {"gains": (), "outages": "none", "starts": 1, "check_levels": (), "checks": 0}
+    more = {"fast": 1e3, "stages": 1}
+    own = [damper(f"deviation:{i}", "order:1@5", gain=gain, **more) for i, gain in ((1, 500), (3, -500))]
+    base = cases("two_area_thyristor").with_storage("50MW")
+    found = tune(base, own, levels=(0.8, 1.0), **few)
+    assert found.case.name == found.base.case.name == "two_area_thyristor"
+    assert "The simulations are at" not in str(found)
+    K = found.parameters.query("parameter == 'K'")
+    assert K["value"].gt(0).tolist() == [True, False]
+    assert K[["low", "high"]].values.tolist() == [[0.5, 500], [-500, -0.5]]
+    assert list(found.largest_gains) == ["order 1@5 tuned (deviation 1)", "order 1@5 tuned (deviation 3)"]
+    part = tune(base, own, levels=(0.8,), **few)
+    assert "The simulations are at 80 % of the load." in str(part)

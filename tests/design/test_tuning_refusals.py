@@ -5,7 +5,7 @@ import pytest
 from systems import kind, small
 
 from stabctl._util.errors import StudyError
-from stabctl.design import damper, outages, stabilizers, tune, values
+from stabctl.design import damper, outages, pss, stabilizers, tune, values
 from stabctl.design.tuning.networks import networks
 from stabctl.design.tuning.parts import Parts
 
@@ -51,6 +51,8 @@ def test_a_machine_alone_has_no_ring_down_to_compare(recwarn):
         (lambda c: tune(c, 3), "cannot be tuned"),
         (lambda c: tune(c, stabilizers(gain=10, fast=1e-6)), "the gain at high frequencies is at least"),
         (lambda c: tune(c, stabilizers([9])), "no machine 9"),
+        (lambda c: pss(c, []), "machines names no machine"),
+        (lambda c: pss(c, washout=0), "washout = 0 is not allowed"),
         (lambda c: tune(c, starts=0), "starts = 0"),
         (lambda c: tune(c, levels=()), "no load level"),
         (lambda c: tune(c, outages="some"), "outages = 'some'"),

@@ -49,3 +49,9 @@ def test_opening_the_only_way_is_refused(modes):
 def test_an_unknown_circuit_is_refused(modes):
     with pytest.raises(StudyError, match="There is no branch 1-2"):
         opened(modes("two_area").linear.point.case, ["1-2"])
+
+
+@pytest.mark.parametrize("count", [2.0, True, "2"])
+def test_a_count_that_is_no_number_is_refused(modes, count):
+    with pytest.raises(StudyError, match="not a number of areas"):
+        areas(modes("two_area"), count)

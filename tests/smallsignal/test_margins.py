@@ -58,3 +58,22 @@ def test_the_first_unstable_frame_and_gain_are_those_of_the_simulation(base, mak
 def test_an_unstable_loop_has_no_margins(base):
     with pytest.raises(StudyError, match="is unstable, so it has no margins"):
         base.margins(damper().scaled(0.01))
+
+
+def test_rates_that_do_not_divide_each_other_are_delayed_by_their_common_period(base):
+    late = st.Controller("deviation:1", "order:1@5", [], [], [], [[150.0]], rate=50, delay="20ms")
+    other = st.Controller("deviation:3", "order:3@11", [], [], [], [[150.0]], rate=20)
+    found = base.margins(late, other).delay
+    assert found in (0.1, 0.2, 0.3, 0.4, 0.5)
+    for more, stable in ((found - 0.1, True), (found, False)):
+        loop = base.closed_loop(late.delayed(0.02 + more), other.delayed(more))
+        assert loop.modes().stable is stable
+
+
+def test_an_undamped_system_has_margins(cases):
+    base = cases("two_area").classical().initialize(storage="50MW")
+    law = st.Controller("deviation:1", "order:1@5", [], [], [], [[10.0]])
+    found = base.margins(law)
+    assert found.loops[0].delay == pytest.approx(found.delay, rel=0.02)  # 212.5 and 215.2 ms: a mode grows from 1e-6/s
+    for share, stable in ((0.98, True), (1.02, False)):
+        assert base.closed_loop(law.delayed(share * found.delay)).modes().stable is stable

@@ -73,5 +73,5 @@ def test_reduce_keeps_names(base):
     error = np.abs(small.response([0.6]) - model.response([0.6])).max()
     assert error < 1e-3 * np.abs(model.response([0.6])).max()
     assert small.to_control().output_labels == list(model.outputs)
-    with pytest.raises(StudyError, match="has sampled controllers"):
+    with pytest.raises(StudyError, match="has sampled or delayed controllers"):
         base.closed_loop(damper(rate=60), inputs="vref:2", outputs="speed:2").reduce(10)

@@ -10,7 +10,7 @@ from stabctl.model.tables import Storage
 from stabctl.simulation.events import LoadStep
 from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import Simulation, run
-from stabctl.smallsignal import linearize, nonlinear
+from stabctl.smallsignal import descriptor, linearize, nonlinear
 
 
 def _difference(model, time, simulated, size):
@@ -110,3 +110,8 @@ def test_a_loop_closes_with_interconnect(point):
     loop = control.interconnect([plant, gain], inputs=[], outputs=["speed GENROU 1"])
     assert loop.nstates == plant.nstates
     assert np.abs(loop.dynamics(0, np.zeros(loop.nstates), [])).max() < 1e-9  # 4e-15
+
+
+def test_a_case_is_initialized_first(cases):
+    case = cases("two_area")
+    assert nonlinear(case, "vref:1", "speed:1").nstates == len(descriptor(case).states) > 0

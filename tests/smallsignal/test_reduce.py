@@ -7,6 +7,7 @@ import pytest
 import scipy.linalg as sl
 from mixed import second
 
+import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.smallsignal import analyze, balanced, linearize, modal
 from stabctl.smallsignal.eigen import eigen
@@ -116,3 +117,28 @@ def test_impossible_orders_are_refused(whole, modes):
         balanced(modes("two_area"), 10)
     with pytest.raises(StudyError, match="at least one mode"):
         modal(whole, [])
+    with pytest.raises(StudyError, match="at least one mode"):
+        modal(whole, [1.5])
+    with pytest.raises(StudyError, match="at least one mode"):
+        modal(whole, 1.5)
+
+
+def test_undamped_modes_are_kept_whole(cases):
+    """Rounding decided which of them were kept: the response was wrong by 96 %."""
+    base = cases("ieee39").classical().initialize(storage="5%mva")
+    model = linearize(base, "order", "deviation")
+    small, whole = model.reduce(20).response([0.7]), model.response([0.7])
+    assert np.abs(small - whole).max() < 1e-9 * np.abs(whole).max()  # 2e-13
+    with pytest.raises(StudyError, match="undamped or zero modes must be kept; choose an order from 20 to 20"):
+        model.reduce(10)
+
+
+@pytest.mark.parametrize("options", [{"rate": 50}, {"delay": "20ms"}])
+def test_loops_with_frames_or_delays_are_not_reduced(cases, options):
+    base = cases("two_area").initialize(storage="50MW")
+    law = st.Controller("deviation:1", "order:1@5", [], [], [], [[10.0]], **options)
+    loop = base.closed_loop(law, inputs="order", outputs="deviation")
+    modes = loop.modes()
+    for call in (lambda: balanced(modes, 5), lambda: modal(modes, [3]), lambda: loop.reduce(5)):
+        with pytest.raises(StudyError, match="has sampled or delayed controllers"):
+            call()

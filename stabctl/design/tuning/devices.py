@@ -57,6 +57,8 @@ class Tunable:
         Machine of a packaged stabilizer; None for another controller.
     noise
         Standard deviation of the noise of each signal that it reads, in its unit.
+    shared
+        Whether another controller drives the same input.
     """
 
     structure: Any
@@ -67,11 +69,12 @@ class Tunable:
     limits: tuple[float, float] = (-np.inf, np.inf)
     machine: int | None = None
     noise: float = 0.0
+    shared: bool = False
 
     @property
     def name(self) -> str:
         """What it is called."""
-        return f"{self.output.replace(':', ' ')} tuned"
+        return (f"{self.output} tuned" + f" ({', '.join(self.inputs)})" * self.shared).replace(":", " ")
 
     def controller(self, v: np.ndarray) -> Controller:
         """The controller at values v of its parameters, with its first delay."""
@@ -166,6 +169,8 @@ def with_exciter(case: Case, machines: Iterable[int] | None) -> list[int]:
             raise StudyError(
                 f"Machine {n} of {case.name} has no exciter, so it can have no stabilizer; choose other machines."
             )
+    if not numbers and found:
+        raise StudyError("machines names no machine; leave it out for all with an exciter.")
     if not numbers:
         raise StudyError(f"{case.name} has no machine with an exciter, so it can have no stabilizer.")
     return numbers
@@ -297,13 +302,11 @@ def stabilizers(
     if model is not None and shape.washout != USUAL_WASHOUT:
         raise StudyError(f"{devices.every()[model].name} keeps its own washout; leave out washout.")
     numbers = tuple(machines) if isinstance(machines, Iterable) and not isinstance(machines, str) else machines
-    fast = checked_fast(fast)
     low_high, filter_s = checked_limits("stabilizers", limits), duration("noise_filter", noise_filter)
     if model is not None and filter_s:
         raise StudyError(f"{devices.every()[model].name} has its own filters; leave out noise_filter.")
-    return Stabilizers(
-        numbers, model, checked_gain("gain", gain), fast, shape, low_high, filter_s, checked_noise(noise)
-    )
+    most = checked_gain("gain", gain), checked_fast(fast)
+    return Stabilizers(numbers, model, *most, shape, low_high, filter_s, checked_noise(noise))
 
 
 # Other controllers.

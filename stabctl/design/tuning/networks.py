@@ -29,11 +29,14 @@ class Network:
         Devices of the case, with what they replace.
     intact
         Whether no branch is out of service.
+    level
+        Its load level.
     """
 
     point: OperatingPoint
     devices: Any
     intact: bool
+    level: float
 
     @property
     def name(self) -> str:
@@ -98,7 +101,8 @@ def networks(
                     own.append(operating_point(_after(bare, c)))
                 except StabctlError as error:
                     left_out.append((f"{name} after {c.label}", reason(error)))
-            found += [Network(made, case.devices, made is own[0] and (not known or point is points[0])) for made in own]
+            first = not known or point is points[0]
+            found += [Network(made, case.devices, made is own[0] and first, level) for made in own]
     return found, left_out
 
 

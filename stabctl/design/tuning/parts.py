@@ -68,10 +68,12 @@ class Parts:
         first = networks[0]
         with_own = replace(first.point.case, devices=first.devices)
         tunables = [t for one in devices for t in one.tunables(with_own)]
+        drives = [t.output for t in tunables]
+        tunables = [replace(t, shared=drives.count(t.output) > 1) for t in tunables]
         of_case = [pair for one in devices for pair in one.of_case(first.point.case)]
         if not tunables and not of_case:
             raise StudyError("There is no parameter to tune; give st.design.stabilizers() or another device.")
-        drives = list(dict.fromkeys(t.output for t in tunables))
+        drives = list(dict.fromkeys(drives))
         reads = list(dict.fromkeys((name, t.delays) for t in tunables for name in t.inputs))
         placed = [
             Placed(t.structure, [reads.index((name, t.delays)) for name in t.inputs], drives.index(t.output))

@@ -49,7 +49,8 @@ class Tuned(Design):
     gains
         Largest gain at high frequencies allowed, and that found, of each controller by name.
     case
-        The case of the first network with what was tuned in it: parameters, and packaged stabilizers.
+        The case of the intact network nearest to load level 1 with what was tuned in it, parameters and packaged
+        stabilizers; `base`, `ring_down` and `checks` are of it, too.
     left_out
         Networks that were left out, and why.
     lowered
@@ -115,13 +116,15 @@ class Tuned(Design):
         split = parts.laws.size
         values = [np.exp(part) for part in parts.laws.parts(trial.p[:split])]
         controllers = [t.controller(v) for t, v in zip(parts.tunables, values, strict=True)]
-        points = [one.tuned(parts.of_case, trial.p[split:]) for one in parts.networks]
+        usual = min(parts.networks, key=lambda one: (not one.intact, abs(one.level - 1)))
+        networks = [usual, *(one for one in parts.networks if one is not usual)]
+        points = [one.tuned(parts.of_case, trial.p[split:]) for one in networks]
         one = np.ones(len(controllers))
         least = worst(trial, one)
         missed = () if merit.missed >= -KEPT else tuple(_missed(parts, trial, asked))
         design = Design.of(points, controllers, short=(asked.damping or 0.0) - least.damping)
-        given = [one.given for one in parts.networks]
-        changed = any(a is not b.point for a, b in zip(given, parts.networks, strict=True)) or bool(parts.of_case)
+        given = [one.given for one in networks]
+        changed = any(a is not b.point for a, b in zip(given, networks, strict=True)) or bool(parts.of_case)
         promise = search.promise()
         own = {name: getattr(design, name) for name in ("controllers", "before", "after", "short")}
         robust = list(gains_and_outages(parts, trial, asked.gains, seed))
@@ -153,7 +156,7 @@ class Tuned(Design):
             steps=search.steps,
             packaged=tuple((t.structure.model, t.machine) for t in parts.tunables if t.machine is not None),
         )
-        return replace(made, remarks=tuple(made._remarks(missed)))
+        return replace(made, remarks=tuple(made._remarks(missed, usual.level)))
 
     @property
     def damping(self) -> float:
@@ -168,7 +171,7 @@ class Tuned(Design):
 
         rows = []
         for device, name, value, unit, low, high in self.values:
-            at = "low" if value <= low * (1 + BINDING) else "high" if value >= high * (1 - BINDING) else ""
+            at = "low" if value - low <= BINDING * abs(low) else "high" if high - value <= BINDING * abs(high) else ""
             rows.append((device, name, value, unit, low, high, at))
         return pd.DataFrame(rows, columns=["device", "parameter", "value", "unit", "low", "high", "at_bound"])
 
@@ -256,7 +259,7 @@ class Tuned(Design):
         for c in shorter(self.checks):
             yield f"A clearing time falls by more than 1/8 cycle: {c.label}, {c.change:+g} cycles."
 
-    def _remarks(self, missed: Sequence[str] = ()) -> list[str]:
+    def _remarks(self, missed: Sequence[str] = (), level: float = 1.0) -> list[str]:
         lines = [f"Worst of all networks, every mode above {LOW:g} Hz: {self.worst_case}."]
         if self.worst_replaced is not None:
             lines.append(f"With the parameters and stabilizers that the case has: {self.worst_replaced:.4f}.")
@@ -277,6 +280,8 @@ class Tuned(Design):
         if self.reserves:
             name, least = min(self.reserves, key=lambda pair: pair[1])
             lines.append(f"Three standard deviations of the noise leave {max(least, 0):.2f} of the limits of {name}.")
+        if level != 1 and (self.ring_down or self.checks):
+            lines.append(f"The simulations are at {100 * level:g} % of the load.")
         lines += self._simulated()
         if missed:
             lines.append(f"Not reached: {' or '.join(missed)}; ask for less, or give other devices or bounds.")
@@ -319,9 +324,13 @@ def _peak(parts: Parts, trial: Trial, peak: Peak) -> tuple[float, str]:
 
 
 def _values(parts: Parts, p: np.ndarray) -> list[tuple[str, str, float, str, float, float]]:
-    owners = [t.name for t in parts.tunables for _ in t.structure.variables] + ["case"] * len(parts.of_case)
+    """Every parameter of the controllers, the gain of each with its sign, and of the case."""
+    owners: list[tuple[str, float]] = []
+    for t in parts.tunables:
+        owners += [(t.name, t.structure.sign), *[(t.name, 1.0)] * (len(t.structure.variables) - 1)]
+    owners += [("case", 1.0)] * len(parts.of_case)
     pairs = zip(owners, parts.variables, np.exp(p).tolist(), strict=True)
-    return [(owner, v.name, x, v.unit, v.low, v.high) for owner, v, x in pairs]
+    return [(owner, v.name, k * x, v.unit, *sorted((k * v.low, k * v.high))) for (owner, k), v, x in pairs]
 
 
 def _case(parts: Parts, values: list[np.ndarray], case: Case) -> Case:

@@ -30,7 +30,7 @@ def tune(
     bases: "Case | OperatingPoint | Outages | Sequence[OperatingPoint]",
     devices: "Device | Iterable[Device] | None" = None,
     *,
-    damping: float | None = None,
+    damping: str | float | None = None,
     outages: Literal["all", "none"] = "all",
     levels: Iterable[float] = (0.8, 1.0),
     contingencies: Iterable[Contingency | str] = (),
@@ -63,7 +63,7 @@ def tune(
         The system, or several, such as other dispatches.
     devices : device or iterable of devices, optional
         What is tuned: `stabilizers`, `damper`, `pi`, `values`; by default stabilizers of all machines with an exciter.
-    damping : float, optional
+    damping : str or float, optional
         Damping ratio wanted; without it, as much as possible.
     outages : {"all", "none"}
         Whether every N-1 branch outage of each base is a network, too.
