@@ -23,7 +23,7 @@ def single():
         devices={
             "gensal": {
                 1: tables.parameters(
-                    "gensal", H=3.5, D=0.0, ra=0.0, xl=0.16, xd=XD, x1d=X1D, x2=X1D, T1d=T1D, T2d=0.0, xq=XQ, T2q=0.0
+                    "gensal", H=3.5, D=0.0, ra=0.0, xl=0.16, xd=XD, x1d=X1D, x2=X1D, T1d=T1D, T2d=0.0, xq=XQ, T2q=0.02
                 )
             },
             "gencls": {2: tables.parameters("gencls", H=1e5, D=0.0, ra=0.0, x1d=1e-3)},
