@@ -5,7 +5,7 @@ The speed of a machine relative to the center of inertia (COI) of the others com
     w_i = s_i(own age) - sum_{j != i} H_j s_j(remote age) / sum_{j != i} H_j,   over the valid machines of its island
 
 Every speed is extrapolated to the present with its acceleration, s + a t, t its age but at most `REACH`. The variance
-has the rest: what longer ages leave out, and the change of the acceleration since then, as the own one shows it. A machine
+has what longer ages leave out, and the change of the acceleration since then, as the own one shows it. A machine
 without a report stays in both sums, with a growing variance. A speed that differs from most others by more than a swing
 does counts as unknown.
 

@@ -284,7 +284,7 @@ def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siti
 
 
 def _check(costs: Costs, sites: int | None) -> None:
-    if not isinstance(costs, Costs) or not all(isinstance(value, int | float) for value in costs):
+    if not all(isinstance(value, int | float) for value in costs):
         raise StudyError(f"costs = {shown(costs)} are not costs; give Costs(mw=1.0, site=20.0), for example.")
     for name, value in costs._asdict().items():
         if not 0 <= value < np.inf:

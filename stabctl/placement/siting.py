@@ -345,7 +345,7 @@ def reservations(siting: Siting) -> tuple[str, ...]:
         if row.refined or row.control:
             what = REFINED if row.refined else f"the control '{row.control}'"
             fleet = "this fleet" if row.scale == 1 else f"this fleet, enlarged to {row.scale:.4g} times its MW,"
-            fleet = fleet if siting.sites else "the system without storage"
+            fleet = fleet if siting.sites else f"the system without {'further ' * bool(siting.existing)}storage"
             lost = _lost(siting, row)
             longer = "; use a longer observation window" if row.refined else ""
             found = f"does not survive {lost}{longer}" if lost else "survives every contingency"

@@ -68,6 +68,7 @@ def test_existing_storage_is_kept_and_costs_nothing(case, both):
     enough = study(case.with_storage({9: f"{1.01 * alone.mw!r}MW"}), NEAR_9)
     assert (enough.sites, enough.cost) == ((), 0)
     assert "even without further storage" in str(enough)
+    assert "the system without further storage does not survive" in str(enough)
 
 
 def test_what_no_fleet_cures_is_left_out_and_said(case):
@@ -273,15 +274,16 @@ def test_the_mva_of_converters_and_the_largest_current_are_those_of_the_fleet(ca
     ("options", "words"),
     [
         ({"cap": "30"}, "not a storage size"),
+        ({"candidates": [SiteOption(29, 9, 5.0, 10.0)]}, "module of 10 MW at bus 29 is larger than its cap of 5 MW"),
         ({"cap": "0MW"}, "cap of 0MW is not allowed"),
         ({"cap": "1e300MW"}, "not realistic"),
         ({"costs": Costs(mw=-1.0)}, "cost of -1 per MW"),
-        ({"costs": None}, "costs = None are not costs"),
+        ({"costs": None}, "costs = None is not allowed"),
         ({"costs": Costs(mw="a")}, "are not costs"),
         ({"costs": Costs(site=np.nan)}, "cost of nan per site"),
         ({"costs": Costs(mw=0.0, site=1.0)}, "costs per MW and per MWh are both 0"),
         ({"sites": 0}, "sites = 0 is not allowed"),
-        ({"sites": 1.5}, "sites = 1.5 is not allowed; it must be a whole number"),
+        ({"sites": 1.5}, "sites = 1.5 is not allowed; give a whole number"),
         ({"sites": "2"}, "sites = '2' is not allowed"),
         ({"candidates": [(1.7, 29)]}, "machine: 1.7 is not allowed"),
         ({"observe": 0.0}, "observation window of 0 s"),

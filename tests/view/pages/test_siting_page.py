@@ -249,7 +249,7 @@ def test_a_siting_is_a_table_and_saves_itself(siting, tmp_path):
     assert times.machine.isna().tolist() == [False, True, True]
     assert siting.save(tmp_path / "sites.csv").read_text().splitlines()[1].startswith("103,3,40.0")
     assert siting.report(tmp_path / "new").name == "some_place.html"
-    assert "cost that the cuts allow" in siting._repr_html_()
+    assert "the cuts allow" in siting._repr_html_()
     devices = [(s.machine, s.bus, s.rating, s.lag) for s in siting.storage(lag=0.1)]
     assert devices == [(3, 103, 40.0, 0.1), (31, 131, 20.0, 0.1)]
 
@@ -257,7 +257,8 @@ def test_a_siting_is_a_table_and_saves_itself(siting, tmp_path):
 def test_the_percentages_are_those_of_the_record(plain):
     """What the cuts allow below the cost in percent of the cost, and the fleet in percent of the uniform one."""
     page = unescape(siting_page.page(plain).html())
-    cost, bound, gap = map(float, re.search(r"Cost ([\d.]+); the cuts allow ([\d.]+) \(([\d.]+) % less\)", page).groups())
+    said = re.search(r"Cost ([\d.]+); the cuts allow ([\d.]+) \(([\d.]+) % less\)", page)
+    cost, bound, gap = map(float, said.groups())
     assert (cost, bound) == (plain.cost, plain.cuts_cost) == (60.0, 57.0)
     assert gap == pytest.approx(100 * (cost - bound) / cost) == 100 * plain.gap
     uniform, share, percent = map(
