@@ -126,8 +126,7 @@ class Master:
         if whole.size:
             share = self.module[whole] / self.cap[whole]
             constraints.append(self.s[whole] == cp.multiply(share, cp.Variable(whole.size, integer=True)))
-        self.linear = self.z is None and not whole.size
-        self.solver = cp.CLARABEL if self.linear else cp.SCIPY
+        self.solver = cp.CLARABEL if self.z is None and not whole.size else cp.SCIPY
         self.problem = cp.Problem(cp.Minimize(cost), constraints)
         assert self.problem.is_dpp()
 

@@ -104,12 +104,12 @@ def linear_fleet(search: CuttingPlanes, uniform: np.ndarray) -> np.ndarray | Non
 
 
 def relaxed_fleets(search: CuttingPlanes) -> None:
-    """Start from the fleet without costs of sites and MWh, limits and modules, its largest devices, and each alone.
+    """Start from the fleet without costs of sites and MWh, limit and modules, its largest devices, and each alone.
 
-    Adds cuts there. Does nothing if the program has no such costs and limits.
+    Adds cuts there. Does nothing without a limit of sites and such costs: whole modules are found near the plans.
     """
     trials, master, prices = search.trials, search.master, search.prices
-    if master.linear and not prices.mwh.any():
+    if master.z is None and not prices.mwh.any():
         return
     none, per_mw = np.zeros(len(master.cap)), prices.per_mw(search.hours)
     relaxed = Master(master.cap, per_mw, none)
