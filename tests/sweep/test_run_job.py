@@ -120,7 +120,7 @@ def test_what_a_job_is_refused_for_is_in_its_row(results):
 @pytest.mark.parametrize("ends", ["until_s = 0.8\nat_s = 1.0", "until_s = 1e-10\nat_s = 0.0"])
 def test_a_run_that_ends_before_the_fault_is_refused(results, estimator, ends):
     head = SIMULATE.replace("until_s = 3\n", "")
-    with pytest.raises(StudyError, match="until_s = .*: the fault is not cleared before that"):
+    with pytest.raises(StudyError, match=r"until_s = .*: the fault is not cleared before that"):
         results(f'{head}estimator = "{estimator}"\nstorage = "50MW"\n{ends}')
 
 
