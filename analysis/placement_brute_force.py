@@ -20,9 +20,9 @@ LESS = 0.99, 0.97  # of the optimized total
 COUNTS = {"six": 6, "nine": 9}  # contingencies
 HEADS = "contingencies", "optimized (MW)", "sites", "share (%)", "tried (MW)", "fleets tried", "runs", "stable"
 TEXT = (
-    "The set of fleets that survive all contingencies need not be convex, so the bound of the siting program is an "
-    "estimate. Here every fleet at two or three of the ten machines, with shares of the total in twelfths and within "
-    "the caps, is simulated until a contingency is unstable. Is any of them smaller than the optimized fleet?"
+    "The set of fleets that survive all contingencies need not be convex, so what the cuts of the siting program "
+    "allow is no lower bound. Here every fleet at two or three of the ten machines, with shares of the total in "
+    "twelfths and within the caps, is simulated until a contingency is unstable. Is any smaller than that found?"
 )
 
 

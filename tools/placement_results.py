@@ -52,7 +52,7 @@ def record(found: Siting) -> dict[str, Any]:
         "uniform_mw": found.uniform_mw,
         "total_mw": found.total_mw,
         "sites": len(found.sites),
-        "lower_bound_mw": found.lower_bound_mw,
+        "cuts_mw": found.cuts_mw,
         "refined": next(row.scale for row in found.evidence if row.refined),
     }
 

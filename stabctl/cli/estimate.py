@@ -97,7 +97,7 @@ def _show(found: "Estimates", as_json: bool, written: list[Path], said: str) -> 
     table.add_row("outcome", end.message)
     table.add_row("error, rms", f"{accuracy.rmse_mhz:.1f} mHz")
     table.add_row("error, 99th percentile", f"{accuracy.p99_mhz:.1f} mHz")
-    table.add_row("delay", f"{accuracy.delay_ms:.1f} ms")
+    table.add_row("delay", accuracy.delay)
     table.add_row("wrong commands", f"{100 * accuracy.wrong_command_share:.2f} %")
     table.add_row("opposite commands", f"{100 * accuracy.opposite_command_share:.2f} %")
     table.add_row("computing time", f"{accuracy.cpu_ms_per_frame:.2f} ms per frame")

@@ -193,8 +193,8 @@ def _record(found: "Siting") -> dict[str, Any]:
         "uniform_percent": found.uniform_percent,
         "linear_mw": found.linear_mw,
         "cost": found.cost,
-        "lower_bound": found.lower_bound,
-        "lower_bound_mw": found.lower_bound_mw,
+        "cuts_cost": found.cuts_cost,
+        "cuts_mw": found.cuts_mw,
         "contingencies": [
             _asked(c)
             | {"critical_cycles": c.critical_cycles, "machine": c.machine, "stable": c.stable, "binding": c.binding}

@@ -122,7 +122,7 @@ class Controller:
     def _check(self) -> None:
         rate = self.rate
         if rate is not None:
-            checked_frames(self.name, rate, self.delay)
+            object.__setattr__(self, "delay", checked_frames(self.name, rate, self.delay) / rate)
         if self.gate is not None and not isinstance(self.gate, Gate):
             raise StudyError(f"{self.name}: gate = {shown(self.gate)} is not a gate; give Gate('voltage:7', low=0.8).")
         if self.law is not None and rate is None:
@@ -249,12 +249,12 @@ class Controller:
         >>> st.load("two_area").clearing_time("7-8@0.4", storage="50MW", control=law, resolution="1cyc").cycles
         31.0
         """
-        checked_law(law)
         names, none = (_split(inputs), _split(outputs)), np.zeros((0, 0))
         try:
             start = tuple(map(float, start))
         except (TypeError, ValueError):
             raise StudyError(f"start = {shown(start)} are not states; give a list of numbers: [0.0].") from None
+        law = checked_law(law, bool(start))
         return cls(*names, none, none, none, none, rate=rate, law=law, start=start, **more)
 
     def delayed(self, delay: str | float) -> "Controller":
@@ -309,7 +309,7 @@ class Controller:
             raise StudyError(f"{self.name} is a Python function; multiply its result instead.")
         return replace(self, C=gain * self.C, D=gain * self.D)
 
-    def sampled(self, rate: int, delay: str | float = 0.0) -> "Controller":
+    def sampled(self, rate: int, delay: str | float | None = None) -> "Controller":
         """A continuous controller as a sampled one, by Tustin's method.
 
         Its states are those of the trapezoidal rule, in the units of the continuous ones.
@@ -318,8 +318,8 @@ class Controller:
         ----------
         rate : int, 1/s
             Frames per second.
-        delay : str or float, s
-            Delay, a whole number of frames.
+        delay : str or float, s, optional
+            Delay, a whole number of frames; by default that of this controller.
 
         Returns
         -------
@@ -340,7 +340,7 @@ class Controller:
             raise StudyError(f"{self.name} is sampled already, at {self.rate}/s.")
         from .from_control import tustin
 
-        late = duration("delay", delay)
+        late = self.delay if delay is None else duration("delay", delay)
         checked_frames(self.name, rate, late)
         A, B, C, D = tustin(self.A, self.B, self.C, self.D, rate)
         return replace(self, A=A, B=B, C=C, D=D, rate=rate, delay=late)

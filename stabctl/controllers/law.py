@@ -106,7 +106,7 @@ class SampledLaw(Law):
         if not isinstance(self.law, Law) or isinstance(self.law, SampledLaw):
             raise StudyError(f"law = {shown(self.law)} is not a law that can be sampled; give BangBang(), for example.")
         object.__setattr__(self, "delay", duration("delay", self.delay))
-        checked_frames("The law", self.rate, self.delay)
+        object.__setattr__(self, "delay", checked_frames("The law", self.rate, self.delay) / self.rate)
 
     def __str__(self) -> str:
         return f"{self.law}, {self.rate} times per second" + (f", delay {1e3 * self.delay:g} ms" if self.delay else "")

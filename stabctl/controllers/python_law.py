@@ -1,6 +1,8 @@
 """A control law as a Python function: the signals it reads at a frame."""
 
+import inspect
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,10 +50,19 @@ def _of(names: Sequence[str], values: np.ndarray, name: str) -> Any:
     return values[rows]
 
 
-def checked_law(law: Any) -> Callable[..., Any]:
-    """The law. `StudyError` if it cannot be called."""
+def checked_law(law: Any, states: bool) -> Callable[..., Any]:
+    """The law. `StudyError` if it cannot be called with what is seen and, if there are any, the states."""
     if not callable(law):
         raise StudyError(f"{shown(law)} is not a control law; give a function: lambda seen: 500 * seen['deviation'].")
+    own = isinstance(law, type)  # its instances are called
+    with suppress(ValueError):  # the signature of a built-in function may be unknown
+        try:
+            inspect.signature(law.__call__ if own else law).bind(*(own + 1 + states) * [None])
+        except TypeError:
+            name = shown(getattr(law, "__name__", law))
+            if states:
+                raise StudyError(f"The law {name} takes no states; write law(seen, x), or leave out start.") from None
+            raise StudyError(f"The law {name} cannot be called as law(seen); with states, give start=[0.0].") from None
     return law
 
 
@@ -63,7 +74,8 @@ def answer(
     try:
         u, following = given if len(x) else (given, x)
         u, following = np.asarray(u) + np.zeros(outputs), np.asarray(following).reshape(x.shape)
-        right = u.shape == (outputs,) and np.isfinite(u).all() and np.isfinite(following).all()
+        right = np.iscomplexobj(u) <= np.iscomplexobj(np.r_[x, seen.values])  # complex only for slopes
+        right &= u.shape == (outputs,) and np.isfinite(u).all() and np.isfinite(following).all()
     except (TypeError, ValueError):
         right = False
     if not right:

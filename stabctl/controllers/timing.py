@@ -10,6 +10,7 @@ from stabctl._util.units import TIME, quantity
 FASTEST = 10_000  # frames per second
 SHORTEST, LONGEST = 1e-6, 60.0  # s   the shortest time other than 0, and the longest delay
 MOST = 2000  # frames of a delay
+ROUNDED = 5e-3  # of a frame, as 16.67ms at 60/s
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,8 @@ class Gate:
                 raise StudyError(f"gate: {key} = {shown(value)} is not a number.")
         if not self.low < self.high or not self.start < self.end:
             raise StudyError("gate: the gate is never open; give low < high and start < end.")
+        if self.signal is not None and self.low == -math.inf and self.high == math.inf:
+            raise StudyError(f"gate: the gate of {self.signal} is always open; give low or high.")
         if self.signal is None and (self.low > -math.inf or self.high < math.inf or self.magnitude):
             raise StudyError("gate: low, high and magnitude are those of a signal; give one, such as 'voltage:7'.")
 
@@ -74,10 +77,13 @@ def duration(key: str, value: Any) -> float:
 def checked_frames(name: str, rate: Any, delay: float) -> int:
     """Frames in a delay (s). Raises `StudyError` if the rate is not allowed, or it is not a whole number of frames."""
     if isinstance(rate, bool) or not isinstance(rate, int) or not 1 <= rate <= FASTEST:
-        raise StudyError(f"{name}: the rate of {shown(rate)} frames per second is not allowed; give 1 to {FASTEST}.")
+        raise StudyError(
+            f"{name}: the rate of {shown(rate)} frames per second is not allowed; give a whole number from 1 to "
+            f"{FASTEST}."
+        )
     if delay * rate > MOST:
         raise StudyError(f"{name}: a delay of {delay:g} s is {delay * rate:.0f} frames; give at most {MOST}.")
-    if abs(delay * rate - round(delay * rate)) > 1e-6:
+    if abs(delay * rate - round(delay * rate)) > ROUNDED:
         below = math.floor(delay * rate)
         raise StudyError(
             f"{name}: a delay of {1e3 * delay:g} ms is not a whole number of frames at {rate}/s; give "

@@ -168,14 +168,16 @@ def _reduced(
     loads = chosen(point.case, list(dict.fromkeys(f"storage:{m.storage_bus}" for m in point.case.machines)), INPUTS)
     swings, sizes = weighed(point, weights)
     seen = tuple(dict.fromkeys([*reads, *swings]))
-    model = closed_loop(point, inputs=[*drives, *loads], outputs=seen)
-    rows = [seen.index(s) for s in (*reads, *swings)]
+    driven = list(dict.fromkeys([*drives, *loads]))
+    model = closed_loop(point, inputs=driven, outputs=seen)
+    rows, columns = [seen.index(s) for s in (*reads, *swings)], [driven.index(s) for s in (*drives, *loads)]
     ins = np.repeat([scales.effort, scales.power], [len(drives), len(loads)])
     outs = np.r_[scales.noise, sizes][:, None]
     labels = tuple(s.label for s in reads), tuple(f"cost {s.label}" for s in swings)
     scaled = replace(
-        model, B=model.B * ins, C=model.C[rows] / outs, D=model.D[rows] * ins / outs, outputs=labels[0] + labels[1]
-    )
+        model, B=model.B[:, columns] * ins, C=model.C[rows] / outs, D=model.D[rows][:, columns] * ins / outs,
+        inputs=tuple(model.inputs[i] for i in columns), outputs=labels[0] + labels[1],
+    )  # fmt: skip
     modes = replace(model.modes(), linear=scaled)
     loose, n = len(kept_modes(modes)), len(scaled.states)
     if order is None and loose == n:

@@ -163,7 +163,7 @@ def _checked(path: Path, module: ModuleType) -> Device:
         raise StudyError(f"{path}: a link model of your own is not supported; all rows of links.csv are HVDC links.")
     wrong = trial.unreadable(module) or misspelt(module) or trial.mistake(of(module))
     if wrong:
-        raise StudyError(f"{path}: {wrong}.")
+        raise StudyError(f"{path}: {wrong}{'' if wrong.endswith('?') else '.'}")
     return of(module)
 
 

@@ -217,7 +217,7 @@ def of(module: ModuleType) -> Device:
     known |= {name: inside[constant] for constant, name in CONSTANTS.items() if constant in inside}
     device = Device(module, module.__name__.rpartition(".")[2], inside["NAME"], inside["ROLE"], **known)
     for text in mistakes(device):
-        raise StudyError(f"{device.file}: {text}.")
+        raise StudyError(f"{device.file}: {text}{'' if text.endswith('?') else '.'}")
     return device
 
 

@@ -79,7 +79,11 @@ def reading(point: OperatingPoint, signal: Signal) -> Reading | None:
     weights = inertia / inertia.sum()
     if signal.kind in ("deviation", "angle_deviation"):
         places = speeds if signal.kind == "deviation" else angles
-        return _weighted(places, against_rest(point, np.isin(point.rotor_numbers, machines(signal))))
+        group = np.isin(point.rotor_numbers, machines(signal))
+        here = point.rotor_island[group]
+        if len(set(here)) > 1 or (len(here) > 1 and (point.rotor_island == here[0]).sum() == len(here)):
+            raise StudyError(f"The machines of {signal.name} are not in one island with others; choose another group.")
+        return _weighted(places, against_rest(point, group))
     if signal.kind == "state":
         return _weighted(np.array([state(point, signal)]), np.ones(1))
     if signal.kind in ("speed", "angle", "rest_speed"):

@@ -123,7 +123,7 @@ def _labelled(case: Case, label: str, kinds: Mapping[str, Kind]) -> Signal | Non
 def _everywhere(case: Case, name: str, kind: Kind) -> Sequence[int | str | None]:
     """Every machine, bus, circuit or device that has a signal of this kind."""
     if kind.place == "device":
-        return naming.keys(case, "storage")
+        return naming.keys(case, "storage") or [_device(case, "")]  # which says that there is none
     if name == "storage":
         return list(dict.fromkeys(m.storage_bus for m in case.machines))
     if name in ("load_p", "load_q"):
@@ -195,6 +195,8 @@ def _group(case: Case, name: str, text: str) -> int | str:
         case.machine(int(number))
         _belongs(case, name, int(number))
         found.add(int(number))
+    if len(found) > 1 and found >= {m.machine for m in case.machines if _has_rotor(case, m.machine, name in OF_ROTOR)}:
+        raise StudyError(f"{shown(f'{name}:{text}')} leaves no other machine to compare with; leave one out.")
     return "+".join(map(str, sorted(found))) if len(found) > 1 else found.pop()
 
 

@@ -4,7 +4,8 @@ The speed of a machine relative to the center of inertia (COI) of the others com
 
     w_i = s_i(own age) - sum_{j != i} H_j s_j(remote age) / sum_{j != i} H_j,   over the valid machines of its island
 
-Every speed is extrapolated to the present with its acceleration, s + a t, t its age but at most `REACH`. A machine
+Every speed is extrapolated to the present with its acceleration, s + a t, t its age but at most `REACH`. The variance
+has what longer ages leave out, and the change of the acceleration since then, as the own one shows it. A machine
 without a report stays in both sums, with a growing variance. A speed that differs from most others by more than a swing
 does counts as unknown.
 
@@ -112,12 +113,15 @@ class CoiReference:
         valid = silent <= COAST + 1e-9
         self._past.append((now, valid))
         remote, remote_valid = self._past[0]
-        jumped = (now.acceleration - remote.acceleration) ** 2  # of a machine, which the others may have done too
+        jumped = np.zeros(now.slip.shape)  # change of the acceleration, which the others may have done too
+        for e, _ in self._past:
+            jumped = np.maximum(jumped, (e.acceleration - remote.acceleration) ** 2)
         own, far = self._extrapolated(now, self.own), self._extrapolated(remote, self.remote)
         unseen, together = self._unseen(now, self.own, since), self._unseen(remote, self.remote, since) * SHARED
-        (s, a, var), (rs, ra, rvar) = own[:3], far[:3]
+        short, late = (max(age * self.T - REACH, 0.0) for age in (self.own, self.remote))
+        (s, a, var), (rs, ra, rvar), left = own[:3], far[:3], short * own.acceleration
         if without is not None and without.any():
-            s, a, var = np.where(without, (rs, ra, rvar), (s, a, var))
+            s, a, var, left = np.where(without, (rs, ra, rvar, late * ra), (s, a, var, left))
             unseen = np.where(without, together / SHARED, unseen)
             together = np.where(without, unseen, together)
         H = self.H if whole else self.H * (island >= 0)
@@ -127,8 +131,9 @@ class CoiReference:
         reporting, *sums = _others(shares, island, whole)
         weight = np.where(sums[0] > 0, sums[0], 1.0)
         usable = valid & (island >= 0) & (reporting > 0) & (reporting + self.H >= ENOUGH * (sums[0] + self.H))
-        jumped *= (SHARED * min((self.remote - self.own) * self.T, REACH)) ** 2
-        sigma = np.sqrt(var + unseen**2 + (sums[3] + sums[4] ** 2) / weight**2 + jumped)
+        jumped *= (SHARED * (self.remote - self.own) * self.T) ** 2
+        left = left - late * sums[2] / weight
+        sigma = np.sqrt(var + unseen**2 + left**2 + (sums[3] + sums[4] ** 2) / weight**2 + jumped)
         return Deviations(s - sums[1] / weight, a - sums[2] / weight, sigma, usable & sure & (sigma < LIMIT), own, far)
 
     def _together(self, e: Estimate, silent: np.ndarray, island: np.ndarray) -> Estimate:
@@ -146,9 +151,10 @@ class CoiReference:
         return e._replace(slip=slip, acceleration=(1 - gain) * e.acceleration, variance=(1 - gain) * e.variance)
 
     def _extrapolated(self, e: Estimate, age: int) -> Estimate:
-        """Slip and its variance `age` frames later."""
-        t = min(age * self.T, REACH)
-        return e._replace(slip=e.slip + t * e.acceleration, variance=e.variance + t * t * e.drift) if t else e
+        """Slip, at most `REACH` later, and its variance `age` frames later."""
+        since = age * self.T
+        slip = e.slip + min(since, REACH) * e.acceleration
+        return e._replace(slip=slip, variance=e.variance + since**2 * e.drift) if age else e
 
     def _unseen(self, e: Estimate, age: int, since: np.ndarray | None) -> np.ndarray:
         """Change of the speed if the power is lost with the switching, `since` (seeds, 1) frames ago, unseen so far."""

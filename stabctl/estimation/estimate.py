@@ -88,6 +88,8 @@ def estimate(
     chosen = _control(control, estimator, pmu)
     given = chosen.seed if seeds is None else seeds
     seeds = tuple(given) if isinstance(given, Iterable) else (given,)
+    if len(set(seeds)) < len(seeds):
+        raise StudyError(f"seeds = {shown(given)} has a number twice; give each once.")
     if not seeds or not all(isinstance(seed, Integral) and seed >= 0 for seed in seeds):
         raise StudyError(f"seeds = {shown(given)} is not allowed; give one or more whole numbers of at least 0.")
     h = None if step is None else seconds(step, hz)

@@ -31,7 +31,7 @@ class Accuracy(NamedTuple):
 
     rmse_mhz: float  # mHz   root mean square error
     p99_mhz: float  # mHz   99th percentile of the absolute error
-    delay_ms: float  # ms    shift that best aligns estimate and truth, positive if the estimate is late
+    delay_ms: float  # ms    shift that best aligns estimate and truth, positive if the estimate is late; NaN: unknown
     wrong_command_share: float  # -     share of machine-frames in which the bang-bang command is not the true one
     opposite_command_share: float  # -     share of those in which absorbing and injecting are swapped
     cpu_ms_per_frame: float  # ms    of the estimator and the controller, all machines of one seed
@@ -39,9 +39,14 @@ class Accuracy(NamedTuple):
     def __str__(self) -> str:
         return (
             f"error {self.rmse_mhz:.1f} mHz rms ({self.p99_mhz:.1f} mHz at the 99th percentile), delay "
-            f"{self.delay_ms:.1f} ms, {100 * self.wrong_command_share:.2f} % wrong and "
+            f"{self.delay}, {100 * self.wrong_command_share:.2f} % wrong and "
             f"{100 * self.opposite_command_share:.2f} % opposite commands"
         )
+
+    @property
+    def delay(self) -> str:
+        """The delay in words: "3.4 ms", or "unknown" where no shift of up to 100 ms is best."""
+        return "unknown" if np.isnan(self.delay_ms) else f"{self.delay_ms:.1f} ms"
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -215,7 +220,7 @@ class Estimates(Tabular):
         )
 
     def _delay(self, rows: np.ndarray, on: np.ndarray) -> float:
-        """Time shift (ms, to a tenth) of the true speeds with the smallest square error, linear between frames."""
+        """Time shift (ms, to a tenth) of the true speeds with the least square error, linear between frames; or NaN."""
         at, shifts = self.time[rows], np.arange(-LARGEST_SHIFT, LARGEST_SHIFT + 1)
         estimated, truth = self.deviation_estimated[rows][on], self.deviation
         cost = []
@@ -226,11 +231,11 @@ class Estimates(Tabular):
             shifted = (1 - part) * truth[low] + part * truth[low + 1]
             cost.append(np.sum((estimated - shifted[on]) ** 2))
         k = int(np.argmin(cost))
-        if 0 < k < len(shifts) - 1:
-            a, b, c = cost[k - 1 : k + 2]
-            bend = a - 2 * b + c
-            return round(float(shifts[k] + (0.5 * (a - c) / bend if bend > 0 else 0.0)), 1) + 0.0
-        return float(shifts[k])
+        if not 0 < k < len(shifts) - 1:
+            return np.nan
+        a, b, c = cost[k - 1 : k + 2]
+        bend = a - 2 * b + c
+        return round(float(shifts[k] + (0.5 * (a - c) / bend if bend > 0 else 0.0)), 1) + 0.0
 
     @property
     def df(self) -> "pd.DataFrame":

@@ -77,6 +77,10 @@ class BadPmu:
         guard(self)
         if self.until <= self.at:
             raise StudyError(f"A PMU that is bad from {self.at:g} s until {self.until:g} s never is; give a later end.")
+        if not (self.frozen or self.drift or self.jump or self.ramp):
+            raise StudyError(
+                f"Nothing is wrong with the PMU of machine {self.machine}; give frozen=True or jump='5deg'."
+            )
 
 
 @dataclass(frozen=True)

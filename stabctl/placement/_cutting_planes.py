@@ -4,7 +4,7 @@ The fleets that survive a contingency are assumed to lie on one side of a plane 
 boundary. The master program minimizes the cost under these cuts near the best fleet known. Its plan is scaled until it
 survives everything, and becomes the best fleet if it is cheaper; otherwise the trust radius shrinks. A cut found far
 from the best fleet that a surviving fleet contradicts is moved back to that fleet. At last the program is solved
-without the trust region, and its plan, whose cost is the bound, is visited in the same way while that raises the bound.
+without the trust region, and its plan is visited in the same way while that raises the cost that the cuts allow.
 
 The energy that a MW needs depends on the whole fleet. A fleet is compared at its own energies, and the master program
 takes the MWh per MW of the best fleet, or where it has no device of the uniform fleet.
@@ -40,7 +40,7 @@ from .trials import Trials
 
 BINDING = 0.97  # of the largest critical scaling, from which a contingency gets a cut
 TOLERANCE = 2e-3  # relative reduction of the cost below which the iteration stops
-RISE = 5e-4  # of the cost, by which the bound must rise for another visit
+RISE = 5e-4  # of the cost, by which what the cuts allow must rise for another visit
 ITERATIONS = 40
 FINAL = 1e-4  # relative width of the last scaling
 SAME = 1e-3  # of the largest size: fleets on a boundary that are closer count as one
@@ -286,14 +286,14 @@ class CuttingPlanes:
             self.accept(fleet)
 
     def run(self) -> None:
-        """Approach the cheapest fleet, tighten the bound, and make the best fleet one that can be built."""
-        self._approach()
+        """Approach the cheapest fleet, tighten the cuts, and make the best fleet one that can be built."""
+        self.approach()
         if self.best is not None:
             self._tighten()
             self._drop_sites()
             self._round()
 
-    def _approach(self) -> None:
+    def approach(self) -> None:
         """Iterate master program and simulations until the cost no longer falls."""
         radius = np.inf
         for _ in range(ITERATIONS):

@@ -1,6 +1,7 @@
 """Initial fleets of the siting program: what is feasible, the smallest uniform fleet, the linear allocation."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple, get_args
 
 import numpy as np
@@ -8,8 +9,9 @@ import numpy as np
 from stabctl._util.errors import LinearizationError, StudyError
 
 from ._allocation import Objective, allocate, gramians
-from ._cutting_planes import CuttingPlanes
+from ._cutting_planes import CuttingPlanes, Master
 from ._scaling import along, critical_scaling, largest_scaling, least_scaling
+from .site_options import Prices
 from .siting import Infeasible
 from .trials import Trials
 
@@ -99,3 +101,32 @@ def linear_fleet(search: CuttingPlanes, uniform: np.ndarray) -> np.ndarray | Non
             fleet = trials.fleet(scaled.scaling * mw)
             out = fleet if out is None or search.master.cost(fleet) < search.master.cost(out) else out
     return out
+
+
+def relaxed_fleets(search: CuttingPlanes) -> None:
+    """Start from the fleet without costs of sites and MWh, limit and modules, its largest devices, and each alone.
+
+    Adds cuts there. Does nothing without a limit of sites and such costs: whole modules are found near the plans.
+    """
+    trials, master, prices = search.trials, search.master, search.prices
+    if master.z is None and not prices.mwh.any():
+        return
+    none, per_mw = np.zeros(len(master.cap)), prices.per_mw(search.hours)
+    relaxed = Master(master.cap, per_mw, none)
+    free = replace(search, master=relaxed, prices=Prices(per_mw, none, none), best=None, cost=np.inf, history=[])
+    for mw in list(search.survivors):
+        free.accept(mw)
+    free.approach()
+    if free.best is None:
+        return
+    devices = [int(i) for i in np.argsort(-free.best) if free.best[i] > 0]
+    for built in (*(devices[:n] for n in range(len(devices), 0, -1)), *([i] for i in devices[1:])):
+        mw = np.where(np.isin(np.arange(len(none)), built), free.best, 0.0)
+        mw *= free.best.sum() / mw.sum()
+        most = prices.affordable(mw, search.cost)
+        if not master.allows(mw) or (most < np.inf and not trials.all_survived(most * mw)):
+            continue
+        if (scaled := least_scaling(trials, mw)) is not None:
+            search.cut_along(mw, scaled)
+            if (fleet := search.buildable(scaled.scaling * mw)) is not None:
+                search.accept(fleet)

@@ -230,6 +230,7 @@ def _searched(study: _Study, runner: Runner, progress: Callable[[int, float], No
     for start in (even, linear):
         if start is not None and (whole := planes.buildable(start)) is not None:
             planes.accept(whole)
+    _initial_fleets.relaxed_fleets(planes)
     planes.run()
     if study.tolerance is not None:
         hold(planes, study.tolerance)
@@ -256,8 +257,8 @@ def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siti
         sites=tuple(built),
         costs=study.costs,
         cost=planes.cost,
-        lower_bound=planes.bound,
-        lower_bound_mw=planes.bound / price if planes.bound is not None and price else None,
+        cuts_cost=planes.bound,
+        cuts_mw=planes.bound / price if planes.bound is not None and price else None,
         uniform_mw=None if even is None else float(even.sum()),
         uniform_percent=None if even is None else float(100 * (even / study.possible.mva).max()),
         linear_mw=None if found.linear is None else float(found.linear.sum()),
@@ -283,7 +284,7 @@ def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siti
 
 
 def _check(costs: Costs, sites: int | None) -> None:
-    if not isinstance(costs, Costs) or not all(isinstance(value, int | float) for value in costs):
+    if not all(isinstance(value, int | float) for value in costs):
         raise StudyError(f"costs = {shown(costs)} are not costs; give Costs(mw=1.0, site=20.0), for example.")
     for name, value in costs._asdict().items():
         if not 0 <= value < np.inf:

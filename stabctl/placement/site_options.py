@@ -107,7 +107,7 @@ def sites(point: OperatingPoint, given: SiteOptions | None, cap: str, costs: Cos
     case = point.case
     options = _options(case, given)
     found = checked(case, _followed(point, options))
-    cap_mw = np.array([_cap(case, option, c, cap, flow) for option, c in zip(options, found, strict=True)])
+    cap_mw = most = np.array([_cap(case, option, c, cap, flow) for option, c in zip(options, found, strict=True)])
     if not (cap_mw > 0).any():
         raise StudyError(f"The cap of {cap} is not allowed; give a size above 0.")
     if cap_mw.max() > LARGEST:
@@ -115,6 +115,12 @@ def sites(point: OperatingPoint, given: SiteOptions | None, cap: str, costs: Cos
     module = np.array([option.module or 0.0 for option in options])
     unit = np.where(module > 0, module, 1.0)
     cap_mw = np.where(module > 0, unit * np.floor(cap_mw / unit + WHOLE), cap_mw)
+    if not (cap_mw > 0).any():
+        option, size = next((o, mw) for o, mw in zip(options, most, strict=True) if o.module and mw > 0)
+        raise StudyError(
+            f"The module of {option.module:g} MW at bus {option.bus} is larger than its cap of {size:g} MW; raise the "
+            "cap or give smaller modules."
+        )
     columns = ("cost_per_mw", costs.mw), ("cost_per_mwh", costs.mwh), ("cost_per_site", costs.site)
     prices = Prices(*(np.array([_own(getattr(option, name), cost) for option in options]) for name, cost in columns))
     if (prices.mw + prices.mwh <= 0).any():

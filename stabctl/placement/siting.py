@@ -32,9 +32,9 @@ class Siting(Tabular):
         What was minimized.
     cost : float
         Cost of the fleet.
-    lower_bound : float or None
-        Lower bound of the cost, estimated from the cutting planes; None if the solver failed.
-    lower_bound_mw : float or None, MW
+    cuts_cost : float or None
+        Lowest cost that the cutting planes allow, no bound; None if the solver failed.
+    cuts_mw : float or None, MW
         The same in MW, if a MW costs the same everywhere and nothing else has a cost.
     uniform_mw, uniform_percent : float or None, MW and percent of machine MVA
         Smallest uniform fleet that survives everything; None if there is none within the caps.
@@ -79,7 +79,7 @@ class Siting(Tabular):
     sites: tuple[Site, ...]
     costs: Costs
     cost: float
-    lower_bound: float | None
+    cuts_cost: float | None
     uniform_mw: float | None
     uniform_percent: float | None
     linear_mw: float | None
@@ -98,7 +98,7 @@ class Siting(Tabular):
     targets: str = ""
     tolerance: float | None = None
     criteria: str = ""
-    lower_bound_mw: float | None = None
+    cuts_mw: float | None = None
 
     plot = verb("stabctl.view.figures.siting:plot")
     report = verb("stabctl.view.pages.siting_page:write")
@@ -130,10 +130,10 @@ class Siting(Tabular):
 
     @property
     def gap(self) -> float | None:
-        """Distance of the cost from the estimated bound, relative to the cost; None without a bound."""
-        if self.lower_bound is None:
+        """Distance of the cost from `cuts_cost`, relative to the cost; None without that."""
+        if self.cuts_cost is None:
             return None
-        return 1 - self.lower_bound / self.cost if self.cost else 0.0
+        return 1 - self.cuts_cost / self.cost if self.cost else 0.0
 
     @property
     def smaller(self) -> tuple[Evidence, ...]:
@@ -262,7 +262,7 @@ def remarks(siting: Siting) -> tuple[str, ...]:
         *_existing(siting),
         *_controllers(siting),
         *_comparisons(siting),
-        *_bound(siting),
+        *_cuts(siting),
         *reservations(siting),
     )
 
@@ -326,15 +326,15 @@ def _comparisons(siting: Siting) -> Iterator[str]:
         yield "The uniform fleet and the linear allocation are sized without the tolerance."
 
 
-def _bound(siting: Siting) -> Iterator[str]:
+def _cuts(siting: Siting) -> Iterator[str]:
     if not siting.cost:
         return
-    if siting.lower_bound is None or siting.gap is None:
-        yield f"Cost {siting.cost:.5g}, without a lower bound, because the solver failed."
+    if siting.cuts_cost is None or siting.gap is None:
+        yield f"Cost {siting.cost:.5g}; what the cuts allow is unknown, because the solver failed."
         return
     yield (
-        f"Cost {siting.cost:.5g}, estimated lower bound {siting.lower_bound:.5g} ({100 * siting.gap:.1f} % lower). "
-        "The bound is an estimate, because the set of surviving fleets need not be convex."
+        f"Cost {siting.cost:.5g}; the cuts allow {siting.cuts_cost:.5g} ({100 * siting.gap:.1f} % less). That is no "
+        "lower bound, because the set of surviving fleets need not be convex."
     )
 
 
@@ -345,7 +345,7 @@ def reservations(siting: Siting) -> tuple[str, ...]:
         if row.refined or row.control:
             what = REFINED if row.refined else f"the control '{row.control}'"
             fleet = "this fleet" if row.scale == 1 else f"this fleet, enlarged to {row.scale:.4g} times its MW,"
-            fleet = fleet if siting.sites else "the system without storage"
+            fleet = fleet if siting.sites else f"the system without {'further ' * bool(siting.existing)}storage"
             lost = _lost(siting, row)
             longer = "; use a longer observation window" if row.refined else ""
             found = f"does not survive {lost}{longer}" if lost else "survives every contingency"
@@ -369,7 +369,7 @@ def _solver(siting: Siting) -> Iterator[str]:
     if inaccurate:
         yield (
             f"In {inaccurate} of {count} the solver did not reach its tolerances (optimal_inaccurate); each fleet was "
-            "simulated nevertheless, but the bound may be inaccurate."
+            "simulated nevertheless, but what the cuts allow may be inaccurate."
         )
     slack = [row.slack for row in siting.history if row.slack > SLACK]
     if slack:

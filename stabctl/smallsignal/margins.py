@@ -211,6 +211,10 @@ def margins(base: Case | OperatingPoint, *controllers: Controller | Law, storage
     """
     point = operating_point(base, storage)
     own = all_named(point, controllers)
+    if (law := next((n for n in own if n.controller.law), None)) is not None:
+        raise StudyError(
+            f"{law.controller.name} is a Python function; margins need matrices; closed_loop(...).modes() takes one."
+        )
     with process.one_thread():
         return _found(point, own)
 

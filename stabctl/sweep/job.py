@@ -236,7 +236,7 @@ def _simulate(job: Job, point: OperatingPoint, control: Control) -> tuple[Result
     result = result._replace(
         rmse=accuracy.rmse_mhz,
         p99=accuracy.p99_mhz,
-        delay=accuracy.delay_ms,
+        delay=None if np.isnan(accuracy.delay_ms) else accuracy.delay_ms,
         wrong_command_share=accuracy.wrong_command_share,
         opposite_command_share=accuracy.opposite_command_share,
     )

@@ -104,6 +104,8 @@ def _alternatives(f: schema.Field) -> Callable[[object], list[Any]]:
 
 def _converted(f: schema.Field, value: object) -> object:
     """A value in the type of its key: a bus number as text, a whole number, text with a unit as a number."""
+    if f.column == "scan" and value == 0:
+        return "0cyc"
     if f.kind is str and type(value) is int:
         return str(value)
     if f.kind is int and isinstance(value, float) and value.is_integer():

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from stabctl import io
 from stabctl._util import process
 from stabctl._util.errors import StabctlError, StudyError
+from stabctl._util.schema import fields
 from stabctl._util.units import seconds
 from stabctl._util.validation import checks_arguments
 from stabctl._util.wording import counted
@@ -35,6 +36,9 @@ from .job import FORMAT, SWEEP, Job
 
 if TYPE_CHECKING:
     import pandas as pd
+
+OF_STORAGE = "deadband", "min_voltage"  # options of the law of storage, with which estimates are also judged
+OF_PMUS = "pmu_rate", "pmu_noise", "latency", "loss", "seed"
 
 
 @dataclass(frozen=True)
@@ -196,12 +200,19 @@ def tasks(jobs: Iterable[Job], path: str | Path) -> tuple[Task, ...]:
 
     @cache
     def changed(name: str, machines: str, share: float, changes: str) -> tuple[Case, str]:
-        case = load(name).with_motors(share) if share else load(name)
-        case = _changed(path, case, Job("simulate", name, set=changes))
-        case = case.classical() if machines == "classical" else case
+        given = load(name).with_motors(share) if share else load(name)
+        job = Job("simulate", name, set=changes)
+        case = _changed(path, given, job)
+        if machines == "classical":
+            for key, value in job.changes.items():
+                one = given.set({key: value})
+                if one != given and fingerprint(one.classical()) == fingerprint(given.classical()):
+                    raise StudyError(f"{path}, set.{key} = {value!r}: it has no effect with machines = 'classical'.")
+            case = case.classical()
         return case, fingerprint(case)
 
     found: dict[str, Task] = {}
+    _idle(path, jobs := tuple(jobs), load)
     for job in jobs:
         case, own = changed(job.case, job.machines, job.motor_share, job.set)
         _check(path, job, case, checked)
@@ -245,6 +256,18 @@ def _changed(path: Path, case: Case, job: Job) -> Case:
         raise StudyError(f"{path}, set.{given}: {error}") from None
 
 
+def _idle(path: Path, jobs: Sequence[Job], load: Callable[[str], Case]) -> None:
+    """Reject options of storage in a study where no job has any, and those of PMUs without an estimator."""
+    usual = Job("simulate", "")
+    stored = {job for job in jobs if job.storage not in ("", "none") or (not job.storage and load(job.case).storage)}
+    seen = {job for job in jobs if job.estimator != "ideal"}
+    for names, acting, lacks in ((OF_STORAGE, stored | seen, "storage"), (OF_PMUS, seen, "an estimator")):
+        for name in names:
+            given = {job for job in jobs if getattr(job, name) != getattr(usual, name)}
+            if given and not given & acting:
+                raise StudyError(f"{path}, {fields(Job)[name].column}: it has no effect without {lacks}; leave it out.")
+
+
 CHECKS: dict[str, Callable[[Case, str], object]] = {
     "fault": lambda case, text: Contingency(text, 1.0).check(case),
     "trip": lambda case, text: Contingency(trip=text).check(case),
@@ -266,6 +289,7 @@ def _check(path: Path, job: Job, case: Case, checked: set[tuple[str, ...]]) -> N
         except StudyError as error:
             raise StudyError(f"{path}, {name} = {text!r}: {error}") from None
         checked.add((job.case, job.set, name, text))
+    _times(path, job, case.frequency_hz)
     key = (job.case, job.set, job.storage, *map(str, job.devices.values()))
     if job.storage and key not in checked:
         try:
@@ -277,6 +301,14 @@ def _check(path: Path, job: Job, case: Case, checked: set[tuple[str, ...]]) -> N
         _ = job.pmu
     except StudyError as error:
         raise StudyError(f"{path}: {error}") from None
+
+
+def _times(path: Path, job: Job, hz: float) -> None:
+    """Reject a simulation that ends before its fault is cleared, and a limit below the resolution."""
+    if job.kind == "simulate" and job.clear and job.at + seconds(job.clear, hz) >= job.until:
+        raise StudyError(f"{path}, until_s = {job.until:g}: the fault is not cleared before that; give a later end.")
+    if job.kind == "clearing-time" and seconds(job.limit, hz) < seconds(job.resolution, hz):
+        raise StudyError(f"{path}, limit = {job.limit!r}: it is below the resolution of {job.resolution}.")
 
 
 def _with_storage(case: Case, job: Job, **options: Any) -> Case:

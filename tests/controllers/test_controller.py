@@ -18,6 +18,10 @@ def base(cases):
     return cases("two_area").initialize(storage="50MW")
 
 
+def with_state(seen, x):
+    return 0.0, x
+
+
 def order(run, device=0):
     return run.arrays.order[:, device]
 
@@ -226,11 +230,34 @@ def test_inputs_of_a_tripped_machine_count_as_at_rest(base, kind):
         (lambda: st.Gate(low=0.8), "low, high and magnitude are those of a signal"),
         (lambda: st.Gate(magnitude=True), "low, high and magnitude are those of a signal"),
         (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1", limits=0), "the output is always 0"),
+        (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1").sampled(60.0), "give a whole number from 1 to"),
+        (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1", delay="7ms").sampled(60), "not a whole number of"),
+        (lambda: st.Gate("voltage:7"), "always open; give low or high"),
+        (lambda: st.Controller.from_function(with_state, "speed:1", "vs:1"), r"with states, give start=\[0.0\]"),
+        (lambda: st.Controller.from_function(lambda seen: 0, "speed:1", "vs:1", start=[0.0]), "takes no states"),
     ],
 )
 def test_mistakes_in_a_controller(make, says):
     with pytest.raises(StudyError, match=says):
         make()
+
+
+def test_a_sampled_controller_keeps_its_delay_in_whole_frames():
+    late = st.Controller.from_control(LAG, "speed:1", "vs:1", delay="100ms")
+    assert [late.sampled(60).delay, late.sampled(60, delay=0).delay] == [0.1, 0.0]
+    assert late.sampled(60, delay="16.67ms").delay == 1 / 60
+
+
+def test_a_complex_output_is_no_output(base):
+    law = st.Controller.from_function(lambda seen: 1j, "deviation:1", "order:1@5")
+    with pytest.raises(StudyError, match="returned 1j at"):
+        base.simulate(until="0.1s", control=law)
+
+
+def test_margins_say_what_they_need(base):
+    law = st.Controller.from_function(lambda seen: 5 * seen["deviation:1"], "deviation:1", "order:1@5")
+    with pytest.raises(StudyError, match="margins need matrices"):
+        base.margins(law)
 
 
 @pytest.mark.parametrize(
@@ -241,6 +268,7 @@ def test_mistakes_in_a_controller(make, says):
         ("speed:1", "order:1@7", "two_area has no storage device 1@7; did you mean 1@5"),
         ("flow:7-80", "vs:1", "There is no branch 7-80"),
         ("speed:9", "vs:1", "There is no machine 9"),
+        ("deviation:1+2+3+4", "vs:1", "leaves no other machine to compare with"),
         ("speed:1", "field:1", "has an exciter; use vref:1"),
         ("state:speed of 1", "vs:1", "has no state 'speed of 1'; similar ones are"),
         ("deviation", "vs:1", "has matrices for 1 inputs and 1 outputs, but its signal names stand for 4 inputs"),

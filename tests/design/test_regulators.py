@@ -107,6 +107,10 @@ def test_the_regulator_in_the_simulation(base, late):
     assert decay < 5e-4
 
 
+def test_the_power_of_a_bus_with_a_machine_is_an_input_once(base):
+    assert lqg(base, outputs="storage:5", order=12).controller.outputs == ("storage:5",)
+
+
 @pytest.mark.slow
 def test_measurements_that_cross_the_network(base):
     """Line power and bus frequency: a direct path from outputs to inputs, and a sensor with a state of its own."""

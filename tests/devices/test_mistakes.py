@@ -123,6 +123,7 @@ def test_a_mistake_in_a_device_is_a_sentence_with_its_file(name, tmp_path):
     with registered(), pytest.raises(StudyError) as error:
         devices.register(file)
     assert told in str(error.value)
+    assert not str(error.value).endswith("?.")
     assert str(file) in str(error.value)
     assert "\n" not in str(error.value)
 

@@ -159,6 +159,7 @@ def test_no_false_alarm(points, name, minutes):
         ({"at": 1, "jump": "90us"}, "jump"),
         ({"at": 1, "drift": 3}, "drift"),
         ({"at": 2, "frozen": True, "until": "1s"}, "give a later end"),
+        ({"at": 1}, "Nothing is wrong with the PMU of machine 3"),
     ],
 )
 def test_mistakes_are_sentences(given, says):

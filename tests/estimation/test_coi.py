@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from stabctl.estimation._signals import COAST, LIMIT, CoiReference
+from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.estimators import Estimate
+from stabctl.estimation.pmu import Pmu
+from stabctl.simulation.contingency import Contingency
 
 H = np.array([3.0, 2.0, 5.0, 10.0])
 S = np.array([[0.01, -0.002, 0.004, 0.0]])
@@ -45,6 +48,28 @@ def test_prediction_is_capped():
     for _ in range(40):
         got = coi.step(estimate(S, a), WHOLE)
     assert got.speed[0, 0] == pytest.approx(rest(0) - H[1] * 0.6 * 0.1 / 17)
+
+
+def test_what_is_not_extrapolated_is_in_the_variance():
+    """Reports 0.5 s old: the speed of machine 2 has moved on for 0.4 s at 0.6 pu/s."""
+    coi, a = CoiReference(H, 60, 0, 30), np.array([0.0, 0.6, 0.0, 0.0])
+    for _ in range(40):
+        got = coi.step(estimate(S, a), WHOLE)
+    assert got.sigma[0, 0] == pytest.approx(H[1] * 0.6 * 0.4 / 17)
+    assert not got.usable[0, 0]
+
+
+@pytest.mark.parametrize("late", [0.05, 0.2, 0.35])
+def test_the_variance_of_late_deviations_is_that_of_their_errors(cases, late):
+    """Mean squares of errors over `sigma`: 0.7, 0.8, 2.2, with 60 and 1250 in place of the last two."""
+    point = cases("two_area").classical().initialize(storage="50MW")
+    control = EstimatorControl(pmu=Pmu(latency=late), engine="batched")
+    found = point.estimate(Contingency("7", clear="8cyc", trip="7-8"), "4s", control=control, seeds=(1, 2))
+    rows = found.time > found.cleared_s + 0.3
+    ok = (found.usable & found.on)[rows]
+    error = ((found.deviation_estimated - found.deviation) / found.sigma)[rows][ok]
+    assert ok.mean() > 0.2
+    assert 0.4 < np.mean(error**2) < 5
 
 
 def test_a_silent_machine_stays_in_the_sums_with_a_growing_variance():

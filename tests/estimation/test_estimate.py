@@ -203,6 +203,7 @@ def test_a_case_in_one_call(cases, tmp_path):
         ({"estimator": "oracle"}, "'oracle' is not known; choose one of ideal"),
         ({"seeds": ()}, "seeds = "),
         ({"seeds": -1}, "seeds = "),
+        ({"seeds": (1, 1)}, "has a number twice"),
         ({"storage": "50"}, "is not a storage size"),
         ({"pmu": 3}, "pmu = 3 does not describe PMUs"),
     ],

@@ -26,6 +26,16 @@ def test_delay_is_found(blank, late):
     )
 
 
+@pytest.mark.parametrize("still", [True, False])
+def test_a_delay_beyond_the_search_is_unknown(blank, still):
+    found, t = blank
+    late = np.zeros(found.deviation.shape) if still else 0.005 * np.sin(2 * np.pi * (t - 0.2 + np.arange(4) / 7))
+    true = late if still else found.deviation
+    accuracy = replace(found, deviation=true, deviation_estimated=late).accuracy_between(0.5, 4.5)
+    assert np.isnan(accuracy.delay_ms)
+    assert "delay unknown, " in str(accuracy)
+
+
 def test_errors_are_those_of_a_known_offset(blank):
     found, _ = blank
     accuracy = replace(found, deviation_estimated=found.deviation + 0.02 / 60).accuracy_between(0, 5)

@@ -96,7 +96,7 @@ def _check_evidence(found):
 def _check_records(found):
     assert [s.mw for s in found.sites] == sorted((s.mw for s in found.sites), reverse=True)
     assert found.cost == pytest.approx(found.total_mw)
-    assert found.lower_bound <= found.cost
+    assert found.cuts_cost <= found.cost
     assert [r.best for r in found.history] == sorted((r.best for r in found.history), reverse=True)
     assert any(row.binding for row in found.contingencies)
     assert all(s.mwh > 0 for s in found.sites)
@@ -105,7 +105,7 @@ def _check_records(found):
 def _check_numbers(found, name, bound):
     """They are those of the record to 1 %, as rounding decides what a search tries next; the bound to `bound`."""
     now, known = record(found), json.loads(RECORD.read_text(encoding="utf-8"))[name]
-    for key, tolerance in (("uniform_mw", 1e-3), ("total_mw", 1e-2), ("lower_bound_mw", bound)):
+    for key, tolerance in (("uniform_mw", 1e-3), ("total_mw", 1e-2), ("cuts_mw", bound)):
         assert now[key] == pytest.approx(known[key], rel=tolerance)
     assert now["sites"] == known["sites"]
 

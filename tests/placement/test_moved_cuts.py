@@ -1,4 +1,4 @@
-"""Cuts that a fleet contradicts are moved back to it, and the bound is the cost of the cheapest fleet that is left."""
+"""Cuts that a fleet contradicts are moved back to it, and `cuts_cost` is that of the cheapest fleet that is left."""
 
 from types import SimpleNamespace
 
@@ -103,7 +103,7 @@ def curved(monkeypatch):
 
 
 def test_visits_of_its_own_plan_raise_the_bound(curved):
-    """Two cuts far away allow 3/4 of the cost; those at the plans of the bound leave 0.2 %."""
+    """Two cuts far away allow 3/4 of the cost; those at the plans without a trust region leave 0.2 %."""
     least = 2 * np.sqrt(200)
     before = curved.bound
     assert before < 0.85 * least

@@ -33,6 +33,19 @@ def points(request):
     return [case.initialize(storage="50MW") for case in (joined(one, other), one, other)]
 
 
+@pytest.mark.parametrize("group", ["1+1001", "1001+1002+1003"])
+def test_a_group_is_a_part_of_one_island(group):
+    """Of machines in both, and of all in one of them, which left nothing to compare with."""
+    point = joined(st.load("two_area"), st.load("wscc9")).initialize()
+    with pytest.raises(StabctlError, match="not in one island with others"):
+        point.linearize(outputs=f"deviation:{group}")
+
+
+def test_orders_without_storage_are_no_inputs():
+    with pytest.raises(StabctlError, match="has no storage devices"):
+        st.load("wscc9").linearize(inputs="order")
+
+
 def apart(whole, *parts):
     """Largest difference between eigenvalues and those of the parts, matched one to one."""
     parts = np.concatenate(parts)

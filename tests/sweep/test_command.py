@@ -31,7 +31,10 @@ def test_table_4_of_the_paper(stabctl, tmp_path):
 
 
 def test_a_sweep_continues_and_reports_errors(stabctl, write, tmp_path):
-    study, out = write(PAIR + "until_s = [1.01, 1.5]"), tmp_path / "results.db"
+    study, out = (
+        write(PAIR + 'until_s = 1.5\nestimator = "kalman"\ncontrol = ["none", "bang-bang"]'),
+        tmp_path / "results.db",
+    )
     code, printed, said = stabctl("sweep", "run", study, "--out", out, "--workers", 1)
     assert (code, printed) == (1, "")
     assert "2 of 2 jobs done" in said
@@ -45,8 +48,8 @@ def test_a_sweep_continues_and_reports_errors(stabctl, write, tmp_path):
     code, printed, _ = stabctl("sweep", "show", out)
     assert code == 0
     assert "1 ok, 1 with an error" in printed
-    assert "until_s 1.01: The run ends at 1.01 s" in printed
-    more = write(PAIR + "until_s = 1.5", "more.toml")
+    assert "control none: The estimator 'kalman' needs a control law" in printed
+    more = write(PAIR + 'until_s = 1.5\nestimator = "kalman"', "more.toml")
     assert stabctl("sweep", "run", more, "--out", out)[0] == 0  # the row is there, and no error
 
 

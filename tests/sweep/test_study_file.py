@@ -23,6 +23,21 @@ ROOT = Path(__file__).parents[2]
 HEAD = 'kind = "simulate"\ncase = "two_area"\nfault = "7"\nclear = "6cyc"\n'
 
 
+CLEARING = 'kind = "clearing-time"\ncase = "two_area"\nfault = "7"\n'
+
+
+def test_a_scan_of_nothing_needs_no_unit(write):
+    path = write(CLEARING + "scan = 0")
+    assert [task.job.scan for task in tasks(study_file.read(path), path)] == ["0cyc"]
+
+
+def test_options_of_some_jobs_alone_are_no_mistake(write):
+    path = write(
+        HEAD + "deadband_hz = 0.2\nlatency_ms = 100\nstorage = ['none', '50MW']\nestimator = ['ideal', 'kalman']"
+    )
+    assert len(tasks(study_file.read(path), path)) == 4
+
+
 def test_lists_and_grids_are_crossed(write):
     jobs = study_file.read(
         write(
@@ -96,7 +111,12 @@ def test_groups_belong_together_and_lie_over_what_stands_above(write):
         (HEAD + "trip = '7-8, 7-99'", "trip = '7-8, 7-99': There is no branch 7-99"),
         (HEAD + "storage = '50'", "storage = '50'"),
         (HEAD + "storage = '9=50MW'", "no machine 9"),
-        (HEAD + "pmu_rate = 61", "not possible; choose one of"),
+        (HEAD + "estimator = 'kalman'\npmu_rate = 61", "not possible; choose one of"),
+        (HEAD + "latency_ms = [50, 100]", "latency_ms: it has no effect without an estimator"),
+        (HEAD + "deadband_hz = [0.1, 0.2]\nstorage = 'none'", "deadband_hz: it has no effect without storage"),
+        (HEAD + "machines = 'classical'\nset.'pss.1.K' = [1, 2]", "set.pss.1.K = 1: it has no effect with machines"),
+        (HEAD + "until_s = 1.1", "until_s = 1.1: the fault is not cleared before that"),
+        (CLEARING + "limit = '1cyc'\nresolution = '2cyc'", "limit = '1cyc': it is below the resolution"),
         (HEAD + "set = 3", 'write it as set."pss.1.K"'),
         (HEAD + 'set."pss.1.K" = []', "set.pss.1.K = []: it must have at least one value"),
         (HEAD + 'set."pss.1.K" = [[1]]', "set.pss.1.K = [1]: it must be a number or text"),
@@ -124,7 +144,7 @@ def test_no_study_file(tmp_path, path):
 
 
 def test_keys_are_the_same_in_every_process(write):
-    path = write(HEAD + 'storage = ["none", "5%mva", "1=50MW,2=20MW"]\nseed = [1, 2]')
+    path = write(HEAD + 'storage = ["none", "5%mva", "1=50MW,2=20MW"]\nestimator = "kalman"\nseed = [1, 2]')
     here = [t.key for t in tasks(study_file.read(path), path)]
     code = "from stabctl.sweep import study_file, sweep; "
     code += f"[print(t.key) for t in sweep.tasks(study_file.read({str(path)!r}), 'x')]"

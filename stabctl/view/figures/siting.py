@@ -72,10 +72,10 @@ def convergence(siting: Siting, *, ax: "Axes | None" = None) -> "Axes":
         if "marker" in look:
             pairs = [(k, c) for k, c in zip(rounds, costs, strict=True) if math.isfinite(c)]
             style.name(line, [f"{name}, iteration {k}: {c:.4g}" for k, c in pairs])
-    if siting.lower_bound is not None:
-        ax.axhline(siting.lower_bound, color=GRAY, linestyle="--", linewidth=1, label="estimated lower bound")
+    if siting.cuts_cost is not None:
+        ax.axhline(siting.cuts_cost, color=GRAY, linestyle="--", linewidth=1, label="cost that the cuts allow")
     ax.locator_params(axis="x", integer=True)
     ax.set_xlabel("iteration")
-    ax.set_ylabel("cost" if siting.lower_bound_mw is None or siting.costs.mw != 1 else "total rating (MW)")
+    ax.set_ylabel("cost" if siting.cuts_mw is None or siting.costs.mw != 1 else "total rating (MW)")
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2, frameon=False, fontsize="small")
     return ax

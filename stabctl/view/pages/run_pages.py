@@ -129,7 +129,7 @@ def estimates(found: Estimates) -> Page:
     rows = [
         ("error, root mean square", f"{accuracy.rmse_mhz:.1f}", "mHz"),
         ("error, 99th percentile", f"{accuracy.p99_mhz:.1f}", "mHz"),
-        ("delay", f"{accuracy.delay_ms:.1f}", "ms"),
+        ("delay", *accuracy.delay.partition(" ")[::2]),
         ("wrong commands", f"{100 * accuracy.wrong_command_share:.2f}", "%"),
         ("opposite commands", f"{100 * accuracy.opposite_command_share:.2f}", "%"),
     ]

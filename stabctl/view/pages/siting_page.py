@@ -157,8 +157,8 @@ def _numbers(siting: Siting) -> Iterator[tuple[str, str]]:
     yield _mw(siting.total_mw), "MW in the optimized fleet"
     yield _mw(siting.uniform_mw), "MW in the smallest uniform fleet"
     yield _mw(siting.linear_mw), "MW in the allocation by linear analysis"
-    if siting.lower_bound_mw is not None:
-        yield _mw(siting.lower_bound_mw), "MW, estimated lower bound"
+    if siting.cuts_mw is not None:
+        yield _mw(siting.cuts_mw), "MW that the cuts allow"
 
 
 def _sites(siting: Siting) -> Iterator[tuple[str, ...]]:

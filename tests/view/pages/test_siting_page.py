@@ -48,7 +48,7 @@ def siting():
         1.5,
         places,
         "A system & more",
-        lower_bound_mw=57.0,
+        cuts_mw=57.0,
     )
 
 
@@ -199,11 +199,11 @@ def test_what_the_solver_missed_is_said(plain):
         Iteration(58.0, 60.0, 60.0, 2, slack=0.034),
         Iteration(math.nan, math.inf, 60.0, 2, "InsufficientProgress", math.nan),
     )
-    said = replace(plain, history=rows, lower_bound=None).remarks()
-    assert "Cost 60, without a lower bound, because the solver failed." in said
+    said = replace(plain, history=rows, cuts_cost=None).remarks()
+    assert "Cost 60; what the cuts allow is unknown, because the solver failed." in said
     solver = [sentence for sentence in said if "iteration" in sentence]
     assert [word in sentence for word, sentence in zip(("iteration 4 (Insuff", "1 of 4", "3.4 %"), solver, strict=True)]
-    page = unescape(siting_page.page(replace(plain, history=rows, lower_bound=None)).html())
+    page = unescape(siting_page.page(replace(plain, history=rows, cuts_cost=None)).html())
     assert all(sentence in page for sentence in solver)
     assert not [s for s in plain.remarks() if "solver" in s or "iteration" in s]
 
@@ -249,16 +249,17 @@ def test_a_siting_is_a_table_and_saves_itself(siting, tmp_path):
     assert times.machine.isna().tolist() == [False, True, True]
     assert siting.save(tmp_path / "sites.csv").read_text().splitlines()[1].startswith("103,3,40.0")
     assert siting.report(tmp_path / "new").name == "some_place.html"
-    assert "estimated lower bound" in siting._repr_html_()
+    assert "the cuts allow" in siting._repr_html_()
     devices = [(s.machine, s.bus, s.rating, s.lag) for s in siting.storage(lag=0.1)]
     assert devices == [(3, 103, 40.0, 0.1), (31, 131, 20.0, 0.1)]
 
 
 def test_the_percentages_are_those_of_the_record(plain):
-    """The bound below the cost in percent of the cost, and the fleet in percent of the uniform one."""
+    """What the cuts allow below the cost in percent of the cost, and the fleet in percent of the uniform one."""
     page = unescape(siting_page.page(plain).html())
-    cost, bound, gap = map(float, re.search(r"Cost ([\d.]+), .*bound ([\d.]+) \(([\d.]+) % lower\)", page).groups())
-    assert (cost, bound) == (plain.cost, plain.lower_bound) == (60.0, 57.0)
+    said = re.search(r"Cost ([\d.]+); the cuts allow ([\d.]+) \(([\d.]+) % less\)", page)
+    cost, bound, gap = map(float, said.groups())
+    assert (cost, bound) == (plain.cost, plain.cuts_cost) == (60.0, 57.0)
     assert gap == pytest.approx(100 * (cost - bound) / cost) == 100 * plain.gap
     uniform, share, percent = map(
         float, re.search(r"at least ([\d.]+) MW \(([\d.]+) % of .* needs ([\d.]+) % of that", page).groups()
