@@ -62,7 +62,9 @@ class Deviations(NamedTuple):
     speed: np.ndarray  # pu
     acceleration: np.ndarray  # pu/s
     sigma: np.ndarray  # pu   standard deviation of the speed
-    usable: np.ndarray  # bool   own estimate valid, those of enough of the island too, and sigma below `LIMIT`
+    usable: (
+        np.ndarray
+    )  # bool   own estimate valid, those of enough of the island too, and sigma below `LIMIT` or the deviation
     own: Estimate  # as the machines know it, with slips and their variance extrapolated to the present
     remote: Estimate  # as others know it, the same
 
@@ -134,7 +136,9 @@ class CoiReference:
         jumped *= (SHARED * (self.remote - self.own) * self.T) ** 2
         left = left - late * sums[2] / weight
         sigma = np.sqrt(var + unseen**2 + left**2 + (sums[3] + sums[4] ** 2) / weight**2 + jumped)
-        return Deviations(s - sums[1] / weight, a - sums[2] / weight, sigma, usable & sure & (sigma < LIMIT), own, far)
+        speed = s - sums[1] / weight
+        usable &= sure & (sigma < np.maximum(LIMIT, np.abs(speed)))
+        return Deviations(speed, a - sums[2] / weight, sigma, usable, own, far)
 
     def _together(self, e: Estimate, silent: np.ndarray, island: np.ndarray) -> Estimate:
         """A silent machine stays in synchronism: its speed is near that of the COI, as near as those of the others are.
