@@ -62,9 +62,7 @@ class Deviations(NamedTuple):
     speed: np.ndarray  # pu
     acceleration: np.ndarray  # pu/s
     sigma: np.ndarray  # pu   standard deviation of the speed
-    usable: (
-        np.ndarray
-    )  # bool   own estimate valid, those of enough of the island too, and sigma below `LIMIT` or the deviation
+    usable: np.ndarray  # bool   own estimate valid, and of enough of the island; sigma below `LIMIT` or the deviation
     own: Estimate  # as the machines know it, with slips and their variance extrapolated to the present
     remote: Estimate  # as others know it, the same
 

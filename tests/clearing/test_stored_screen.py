@@ -60,7 +60,9 @@ def test_another_case_or_search_is_another_row(point, tmp_path):
 
 def test_what_cannot_be_stored_is_refused(cases, tmp_path):
     case = cases("two_area").with_storage("50MW")
-    law = Controller.from_function(lambda seen, x: ([0.0], x), inputs=["deviation:1"], outputs=["order:1@5"], rate=60)
+    law = Controller.from_function(
+        lambda seen, x: ([0.0], x), inputs=["deviation:1"], outputs=["order:1@5"], rate=60, start=[0.0]
+    )
     with pytest.raises(StudyError, match="cannot be kept in a store"):
         screen(case, below="1cyc", control=[BangBang(), law], store=tmp_path)
     with pytest.raises(StudyError, match="used together"):

@@ -110,7 +110,7 @@ def test_commands(stabctl, tmp_path):
         (lambda b: pod(b, "deviation:9", "order:1@5"), "There is no machine 9"),
         (lambda b: pod(b, "absorbed:2", "order:1@5"), "is not seen in absorbed:2"),
         (lambda b: pss(b, [9]), "There is no machine 9"),
-        (lambda b: lqr(st.load("two_area")), "choose other outputs"),
+        (lambda b: lqr(st.load("two_area")), "has no storage devices; give storage"),
     ],
 )
 def test_mistakes(base, call, says):
