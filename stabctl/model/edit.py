@@ -290,20 +290,14 @@ def with_load(
     given |= {} if q is None else {"q": megavars(q)}
     here = [i for i, load in enumerate(case.loads) if load.bus == bus and id in (None, load.id)]
     ids, loads = [*dict.fromkeys(case.loads[i].id for i in here)], list(case.loads)
-    parts = (
-        len(here) > 1
-        and len(ids) == 1
-        and ids[0]
-        and not shares
-        and all(sum(getattr(loads[i], x) for i in here) for x in given)
-    )
+    total = {x: sum(getattr(loads[i], x) for i in here) for x in given if x in ("p", "q")}
+    parts = len(here) > 1 and len(ids) == 1 and ids[0] and not shares and all(total.values())
     if len(here) > 1 and not parts:
         named = f"give the id of one ({', '.join(map(repr, ids))}), or " if len(ids) > 1 else ""
         raise StudyError(
             f"Bus {bus} of {case.name} has {len(here)} loads; {named}change one with set('loads.{bus}#2.p', ...)."
         )
     if parts:  # of one load: constant power, current and admittance
-        total = {x: sum(getattr(loads[i], x) for i in here) for x in given}
         for i in here:
             loads[i] = loads[i]._replace(**{x: getattr(loads[i], x) * value / total[x] for x, value in given.items()})
     elif here:

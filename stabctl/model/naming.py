@@ -173,10 +173,11 @@ def circuit_rows(case: Tables, wanted: Circuit) -> list[int]:
     return between
 
 
-def loads_at(case: Tables, bus: int) -> list[tuple[int, str]]:
-    """Row and identifier of every load at a bus; one without an identifier has its place there."""
+def loads_at(case: Tables, bus: int, id: str = "") -> list[tuple[int, str]]:
+    """Row and identifier of the loads at a bus, or of that with `id`; one without an identifier has its place there."""
     rows = [i for i, load in enumerate(case.loads) if load.bus == bus and load.kind == "load"]
-    return [(row, case.loads[row].id or str(i)) for i, row in enumerate(rows, start=1)]
+    named = [(row, case.loads[row].id or str(i)) for i, row in enumerate(rows, start=1)]
+    return [(row, name) for row, name in named if id in ("", name)]
 
 
 def machine_number(case: Tables, name: object) -> int | None:

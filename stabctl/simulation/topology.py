@@ -120,10 +120,12 @@ def _measured(point: OperatingPoint, switching: Switching) -> Iterator[tuple[str
 def _stepped(point: OperatingPoint, switching: Switching) -> tuple[tuple[tuple[str, int, Any], ...], np.ndarray]:
     """The loads that change, with their new parameters, and the admittance (buses, pu) that is added."""
     added, changed = np.zeros(len(point.V), complex), []
+    if not switching.loads:
+        return (), added
     case, keys, V = point.case, naming.keys(point.case, "loads"), np.abs(point.V).tolist()
     steps: dict[int, complex] = defaultdict(complex)  # row of the load -> power added at its voltage, pu
     for (bus, id), power in switching.loads:
-        rows = [row for row, name in naming.loads_at(case, case.buses[bus].bus) if id in ("", name)]
+        rows = [row for row, _ in naming.loads_at(case, case.buses[bus].bus, id)]
         if not rows:
             added[bus] += power.conjugate() / V[bus] ** 2
         drawn = np.array([zip_load.drawn(case.loads[row], V[bus]) for row in rows])

@@ -204,9 +204,10 @@ def tasks(jobs: Iterable[Job], path: str | Path) -> tuple[Task, ...]:
         job = Job("simulate", name, set=changes)
         case = _changed(path, given, job)
         if machines == "classical":
+            usual = fingerprint(given.classical())
             for key, value in job.changes.items():
                 one = given.set({key: value})
-                if one != given and fingerprint(one.classical()) == fingerprint(given.classical()):
+                if one != given and fingerprint(one.classical()) == usual:
                     raise StudyError(f"{path}, set.{key} = {value!r}: it has no effect with machines = 'classical'.")
             case = case.classical()
         return case, fingerprint(case)

@@ -172,9 +172,8 @@ class _Block:
 
     def _drawn(self, at: int, id: str = "") -> complex:
         """What the loads at a bus, or the one with an identifier, draw in the power flow (MVA)."""
-        rows = [row for row, name in naming.loads_at(self.case, at) if id in ("", name)]
         V = self.outages.voltage[self.case.row_of_bus[at]]
-        return sum((zip_load.drawn(self.case.loads[row], V) for row in rows), 0j)
+        return sum((zip_load.drawn(self.case.loads[row], V) for row, _ in naming.loads_at(self.case, at, id)), 0j)
 
     def _shunt(self, statement: Statement, words: list[Word]) -> tuple[int, ...]:
         """The shunt of a bus, which is one in a case, whichever of the shunts of a file is named."""
@@ -209,7 +208,7 @@ class _Block:
 
     def _step(self, statement: Statement, at: int, id: str, share: float) -> tuple[int, ...]:
         """Change the loads at a bus, or the one with an identifier, by a share of themselves."""
-        self._take_once(statement, "load", [row for row, name in naming.loads_at(self.case, at) if id in ("", name)])
+        self._take_once(statement, "load", [row for row, _ in naming.loads_at(self.case, at, id)])
         change = share * self._drawn(at, id)
         if not change:
             raise statement.error("it changes nothing.")

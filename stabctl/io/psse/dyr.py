@@ -159,10 +159,12 @@ class LoadScopes:
             numbers = {"AR": load.AREA or bus.AREA, "ZN": load.ZONE or bus.ZONE, "OW": load.OWNER or bus.OWNER}
             self._scopes[load.I, load.ID] = {**numbers, "BL": load.I, "AL": None}
         self._keys: dict[tuple[int, str], list[naming.Key]] = defaultdict(list)
+        self._parts: dict[naming.Key, list[naming.Key]] = {}  # of the same load
         self._drawn: dict[naming.Key, float] = {}
         for row, key in zip(loads, naming.numbered(row.bus for row in loads), strict=True):
             if row.kind == "load":
                 self._keys[row.bus, row.id].append(key)
+                self._parts[key] = self._keys[row.bus, row.id]
                 self._drawn[key] = zip_load.drawn(row, buses[row.bus].VM).real
 
     def __contains__(self, where: tuple[int, str]) -> bool:
@@ -183,7 +185,7 @@ class LoadScopes:
 
     def part(self, key: naming.Key, par: Any) -> Any:
         """The parameters for one row of a load: its share of the motor MVA, if they are given."""
-        rows = next(keys for keys in self._keys.values() if key in keys)
+        rows = self._parts[key]
         if len(rows) == 1 or not getattr(par, "Mbase", 0.0):
             return par
         return par._replace(Mbase=par.Mbase * self._drawn[key] / sum(self._drawn[row] for row in rows))
