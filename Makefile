@@ -23,6 +23,7 @@ lint: .venv/dev  ## check style, import layers and types
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
+	$(BIN)/mypy benchmarks/*.py tools/*.py
 
 mutate: .venv/dev  ## put faults into a copy of the code and count those that the tests notice (MUTATE="--seed 7 model io")
 	$(BIN)/python tools/mutate.py $(MUTATE)

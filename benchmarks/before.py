@@ -35,17 +35,20 @@ class Version:
             text=True,
             env=self.environment,
         )
+        assert self.worker.stdin
+        assert self.worker.stdout
+        self.input, self.output = self.worker.stdin, self.worker.stdout
         self.short, self.long = (self._answer().split("\t") for _ in range(2))
 
     def _answer(self) -> str:
-        if not (line := self.worker.stdout.readline()):
+        if not (line := self.output.readline()):
             raise SystemExit("A worker ended; see the message above.")
         return line.rstrip("\n")
 
     def seconds(self, work: str) -> float:
         """Time (s) of one task."""
-        self.worker.stdin.write(f"{work}\n")
-        self.worker.stdin.flush()
+        self.input.write(f"{work}\n")
+        self.input.flush()
         return float(self._answer())
 
     def process(self, cold: bool) -> tuple[float, float]:
@@ -84,8 +87,8 @@ def starts(versions: tuple[Version, Version], kind: str, repeat: int) -> Iterato
     walls, cpus = [], []
     for _ in range(repeat):
         pairs = [v.process(kind == "cold") for v in versions]
-        walls.append(tuple(wall for wall, _ in pairs))
-        cpus.append(tuple(cpu for _, cpu in pairs))
+        walls.append((pairs[0][0], pairs[1][0]))
+        cpus.append((pairs[0][1], pairs[1][1]))
     yield row(f"{kind} `simulate two_area`, wall", walls)
     yield row(f"{kind} `simulate two_area`, processor", cpus)
     if kind == "warm":

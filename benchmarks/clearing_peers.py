@@ -62,9 +62,10 @@ def voltages(case: Case, opened: int | None) -> Callable[[np.ndarray], tuple[np.
     """
     flow, place = powerflow.solve(case), {b.bus: i for i, b in enumerate(case.buses)}
     Y = np.diag([complex(b.g, b.b) / case.base_mva for b in case.buses])
-    for k in (k for i, k in enumerate(case.branches) if i != opened):
-        ends, y = [place[k.from_bus], place[k.to_bus]], 1 / complex(k.r, k.x)
-        Y[np.ix_(ends, ends)] += [[(y + 0.5j * k.b) / k.tap**2, -y / k.tap], [-y / k.tap, y + 0.5j * k.b]]
+    for branch in (branch for i, branch in enumerate(case.branches) if i != opened):
+        ends, series, tap = [place[branch.from_bus], place[branch.to_bus]], 1 / complex(branch.r, branch.x), branch.tap
+        own = series + 0.5j * branch.b
+        Y[np.ix_(ends, ends)] += [[own / tap**2, -series / tap], [-series / tap, own]]
     for k in case.loads:
         Y[place[k.bus], place[k.bus]] += complex(k.p, -k.q) / case.base_mva / abs(flow.V[place[k.bus]]) ** 2
     at = [place[m.bus] for m in case.machines]
@@ -102,7 +103,8 @@ def in_andes(case: Case, at: int, line: int | None, folder: str) -> Callable[[fl
             setattr(ss.TDS.config, name, value)
         ss.Fault.config.restore = 0
         ss.PFlow.run()
-        machines, begun = ss.GENCLS, []
+        machines = ss.GENCLS
+        begun: list[float] = []
 
         def begin(t: float, ss: andes.System) -> None:
             if t > ON + duration + 1e-9 and not begun:

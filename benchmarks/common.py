@@ -1,7 +1,8 @@
 """One system for every tool: the two-area case with the models that all of them have, and the tasks."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,7 @@ UNTIL = 10.0  # s
 FAULT_ON, FAULT_OFF, FAULT_X = 1.0, 1.1, 1e-4  # s, s, pu
 DROOP, T1, T2, T3 = 0.05, 0.5, 3.0, 10.0  # TGOV1: pu, s
 KA, TE, EMAX = 200.0, 0.05, 5.0  # SEXS without lead-lag: pu, s, pu
+Works = dict[str, Callable[[], Callable[[], object]]]  # name of a task -> its set-up, which returns the task
 
 
 class Answer(NamedTuple):
@@ -47,8 +49,10 @@ def fault_bus(case: Case) -> int:
 def full(case: Case) -> Case:
     """GENROU with SEXS and TGOV1, loads as admittances."""
     case = _without_links(case)
-    exciters = {m.machine: sexs.Par(0.0, KA, TE, Efdmax=EMAX, Efdmin=-EMAX) for m in case.machines}
-    kept = {"genrou": dict(case.devices["genrou"]), "sexs": exciters}
+    exciters: dict[int | str, Any] = {
+        m.machine: sexs.Par(0.0, KA, TE, Efdmax=EMAX, Efdmin=-EMAX) for m in case.machines
+    }
+    kept: dict[str, Mapping[int | str, Any]] = {"genrou": case.devices["genrou"], "sexs": exciters}
     return _loads_fixed(_governed(replace(case, devices=kept)))
 
 
@@ -76,8 +80,10 @@ def swings(eigenvalues: np.ndarray) -> np.ndarray:
 
 
 def _governed(case: Case) -> Case:
-    governors = {m.machine: tgov.Par(1 / DROOP, T1, T3, T2, 0.0, 0.0, 1.0, 0.0) for m in case.machines}
-    return replace(case, devices={**{k: dict(v) for k, v in case.devices.items()}, "tgov": governors})
+    governors: dict[int | str, Any] = {
+        m.machine: tgov.Par(1 / DROOP, T1, T3, T2, 0.0, 0.0, 1.0, 0.0) for m in case.machines
+    }
+    return replace(case, devices={**case.devices, "tgov": governors})
 
 
 def _loads_fixed(case: Case) -> Case:
@@ -86,8 +92,8 @@ def _loads_fixed(case: Case) -> Case:
 
 def _with_loads(case: Case, power: float) -> Case:
     """The case with a share of constant power in its loads, and the rest as admittances."""
-    shares = {"p_current": 0.0, "q_current": 0.0, "p_power": power, "q_power": power}
-    return replace(case, loads=tuple(k._replace(**shares) for k in case.loads))
+    made = (k._replace(p_current=0.0, q_current=0.0, p_power=power, q_power=power) for k in case.loads)
+    return replace(case, loads=tuple(made))
 
 
 def _without_links(case: Case) -> Case:

@@ -45,7 +45,7 @@ OWN = tuple(1 / n for n in (20, 30, 40, 60, 80, 120, 160, 240, 480))  # s   step
 FINE = 1 / 960  # s   step of its solution that errors are measured against
 INSTANTS = np.arange(0, common.UNTIL - 0.05, 0.1)  # s   on the grid of every step
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "peers.png"
-Works = Callable[[float], tuple[dict[str, Callable[[], Callable[[], object]]], Callable[[], common.Answer]]]
+Stepped = Callable[[float], tuple[common.Works, Callable[[], common.Answer]]]
 
 
 class Other(NamedTuple):
@@ -102,7 +102,7 @@ def measured(name: str, other: str, folder: str) -> list[Row]:
     return found
 
 
-def stepped(works: Works, step: float, rounds: int = 1) -> tuple[np.ndarray, float]:
+def stepped(works: Stepped, step: float, rounds: int = 1) -> tuple[np.ndarray, float]:
     """Speeds (instants, machines) with a step, and the median of the processor seconds of a run, without set-up."""
     tasks, answer = works(step)
     times = []

@@ -15,7 +15,7 @@ from rich.table import Table
 from stabctl import io
 from stabctl.dynamics import operating_point
 from stabctl.estimation._signals import CoiReference
-from stabctl.estimation.estimators import Engine, Estimator, estimator
+from stabctl.estimation.estimators import Engine, estimator
 from stabctl.estimation.pmu import Frame, Instrument, Pmu
 from stabctl.estimation.rotor_units import Terminals, rotor_units
 from stabctl.simulation.contingency import Contingency
@@ -42,7 +42,7 @@ def frames(case: str, seeds: int) -> tuple[Simulation, list[Frame]]:
 def per_frame(simulation: Simulation, seen: list[Frame], engine: Engine) -> tuple[float, float]:
     """Median seconds of a frame: of the estimates, and with the deviations from the COI of the rest."""
     pmu, known = Pmu(), rotor_units(simulation.point)
-    made: Estimator = estimator("kalman", known, pmu, engine=engine)
+    made = estimator("kalman", known, pmu, engine=engine)
     hz = known.frequency_hz
     coi = CoiReference(known.inertia, pmu.rate, pmu.own_frames(hz), pmu.remote_frames(hz))
     island, walls = np.zeros(seen[0].V.shape, int), []
@@ -58,7 +58,8 @@ def per_frame(simulation: Simulation, seen: list[Frame], engine: Engine) -> tupl
 def main() -> None:
     """Measure and print."""
     table = Table("engine", "seeds", "estimates, ms", "with COI, ms", "of one seed, ms", "target, ms")
-    for engine, seeds, wanted in (("filterpy", 1, 4.0), ("batched", 1, 0.15), ("batched", 20, 0.15)):
+    works: tuple[tuple[Engine, int, float], ...] = (("filterpy", 1, 4.0), ("batched", 1, 0.15), ("batched", 20, 0.15))
+    for engine, seeds, wanted in works:
         simulation, seen = frames("wnaps", seeds)
         alone, whole = (1e3 * s for s in per_frame(simulation, seen, engine))
         cells = (f"{alone:.3f}", f"{whole:.3f}", f"{whole / seeds:.3f}", f"{wanted:g}")

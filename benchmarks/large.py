@@ -15,7 +15,9 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from machine import stated
 from rich.console import Console
@@ -31,9 +33,10 @@ FAULTS = 50
 GOALS = {"read": 2.0, "load flow": 1.0, "start": 3.0, "10 s simulated": 4.0}  # s
 GOALS |= {"screen of 50 faults": 60.0, "the same, below 6 cycles": 60.0}  # s   on two cores
 MEMORY = 2.0  # GB
+T = TypeVar("T")
 
 
-def measured(call: Callable[[], object], rounds: int = 3) -> tuple[float, float, object]:
+def measured(call: Callable[[], T], rounds: int = 3) -> tuple[float, float, T]:
     """The shortest seconds on the clock and of the processor, and what the call returns."""
     found = []
     for _ in range(rounds):
@@ -91,7 +94,7 @@ def rows(read: Callable[[], st.Case], fault: st.Contingency, first: int) -> list
     found.append(("10 s simulated", clock, processor, f"{run.steps} steps, recorded"))
     buses = faulted(case, [b.bus for b in case.buses[:first]])
     for work, below in (("screen of 50 faults", None), ("the same, below 6 cycles", "6cyc")):
-        clock, processor, screen = measured(lambda below=below: point.screen(below, buses=buses, workers=2), 1)
+        clock, processor, screen = measured(partial(point.screen, below, buses=buses, workers=2), 1)
         found.append((work, clock, processor, f"{screen.screened} faults, {screen.simulations} simulations"))
     return found
 

@@ -17,6 +17,7 @@ from common import (
     TE,
     UNTIL,
     Answer,
+    Works,
     fault_bus,
     fault_x,
 )
@@ -32,9 +33,7 @@ def empty(folder: str) -> andes.System:
     return andes.System(no_output=True, default_config=True, options={"pycode_path": folder})
 
 
-def works(
-    case: Case, folder: str, step: float = STEP
-) -> tuple[dict[str, Callable[[], Callable[[], object]]], Callable[[], Answer]]:
+def works(case: Case, folder: str, step: float = STEP) -> tuple[Works, Callable[[], Answer]]:
     """The three works, each set up by a call, and the answer of the last of each; `folder` holds generated code."""
     kept: dict[str, andes.System] = {}
 
@@ -90,9 +89,10 @@ def network(case: Case, folder: str) -> andes.System:
         ss.add("Bus", {"idx": b.bus, "name": str(b.bus), "Vn": b.rated, "v0": b.v, "a0": np.deg2rad(b.angle)})
         if b.b or b.g:
             ss.add("Shunt", {"bus": b.bus, "Sn": mva, "Vn": b.rated, "fn": hz, "b": b.b / mva, "g": b.g / mva})
-    for i, k in enumerate(case.branches):
-        ends = {"idx": f"L{i}", "bus1": k.from_bus, "bus2": k.to_bus, "Vn1": volts[k.from_bus], "Vn2": volts[k.to_bus]}
-        own = {"r": k.r, "x": k.x, "b": k.b, "tap": k.tap, "phi": np.deg2rad(k.phase)}
+    for i, branch in enumerate(case.branches):
+        start, end = branch.from_bus, branch.to_bus
+        ends = {"idx": f"L{i}", "bus1": start, "bus2": end, "Vn1": volts[start], "Vn2": volts[end]}
+        own = {"r": branch.r, "x": branch.x, "b": branch.b, "tap": branch.tap, "phi": np.deg2rad(branch.phase)}
         ss.add("Line", ends | {"Sn": mva, "fn": hz} | own)
     for k in case.loads:
         ss.add("PQ", {"bus": k.bus, "Vn": volts[k.bus], "p0": k.p / mva, "q0": k.q / mva})

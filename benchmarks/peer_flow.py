@@ -6,6 +6,7 @@ task is what a user calls for a power flow of data that has been read: from the 
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,8 @@ def stabctl(path: Path) -> Task:
     import stabctl as st
     from stabctl.model import powerflow
 
-    case, kept = st.read_matpower(path), {}
+    case = st.read_matpower(path)
+    kept: dict[str, Any] = {}
     return lambda: kept.update(flow=powerflow.solve(case)), lambda: kept["flow"].V
 
 
@@ -50,7 +52,8 @@ def veragrid(path: Path) -> Task:
     """`VeraGridEngine.api.power_flow`, Newton-Raphson."""
     import VeraGridEngine.api as vge
 
-    grid, kept = vge.open_file(str(path)), {}
+    grid = vge.open_file(str(path))
+    kept: dict[str, Any] = {}
     options = vge.PowerFlowOptions(solver_type=vge.SolverType.NR, tolerance=TOLERANCE, verbose=0)
     return lambda: kept.update(found=vge.power_flow(grid, options)), lambda: np.asarray(kept["found"].voltage)
 

@@ -1,9 +1,10 @@
 """The common system in TOPS: RK4 on its ODE, network solved at every stage; derivatives by differences."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
-from common import DROOP, FAULT_OFF, FAULT_ON, FAULT_X, STEP, T1, T2, T3, UNTIL, Answer, fault_bus, produced
+from common import DROOP, FAULT_OFF, FAULT_ON, FAULT_X, STEP, T1, T2, T3, UNTIL, Answer, Works, fault_bus, produced
 from tops.dynamic import PowerSystemModel
 from tops.modal_analysis import PowerSystemModelLinearization
 from tops.solvers import SimpleRK4
@@ -13,9 +14,9 @@ from stabctl.model.case import Case
 METHOD = "RK4"
 
 
-def works(case: Case, step: float = STEP) -> tuple[dict[str, Callable[[], Callable[[], object]]], Callable[[], Answer]]:
+def works(case: Case, step: float = STEP) -> tuple[Works, Callable[[], Answer]]:
     """The three works, each set up by a call, and the answer of the last of each."""
-    kept: dict[str, object] = {}
+    kept: dict[str, Any] = {}
 
     def flow() -> Callable[[], None]:
         ps = kept["flow"] = system(case)
@@ -36,7 +37,7 @@ def works(case: Case, step: float = STEP) -> tuple[dict[str, Callable[[], Callab
         V = kept["flow"].v_0 if "flow" in kept else np.zeros(0)
         return Answer(V, kept["modes"].eigs if "modes" in kept else np.zeros(0), *kept["run"])
 
-    linear = {"linearization and eigenvalues": eigenvalues, "eigenvalues": eigenvalues}
+    linear: Works = {"linearization and eigenvalues": eigenvalues, "eigenvalues": eigenvalues}
     return {"power flow": flow, "10 s": motion} | linear, answer
 
 

@@ -25,6 +25,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import common
 import numpy as np
@@ -43,10 +44,10 @@ COPIES = 10  # of a case of 200 buses
 LINEAR = ("linearization and eigenvalues", "eigenvalues")
 WORKS = ("power flow", "10 s", *LINEAR)
 GROUPS = ("two_area", "wnaps", "flow")
-Tool = tuple[dict[str, Callable[[], Callable[[], object]]], Callable[[], Answer], str]
+Tool = tuple[common.Works, Callable[[], Answer], str]
 
 
-def peer(name: str) -> object | None:
+def peer(name: str) -> Any:
     """The module for a tool; None, with a message, if the tool is not installed."""
     try:
         return importlib.import_module(f"peer_{name}")

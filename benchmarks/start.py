@@ -21,8 +21,8 @@ COMMANDS = {
 
 def main(runs: int, folders: list[str]) -> None:
     """Measure, and print a line for each command and folder."""
-    base = "-c", "import numpy, scipy.sparse.linalg"
-    works = {("numpy, scipy", ""): (base, "")}
+    base = ("-c", "import numpy, scipy.sparse.linalg")
+    works: dict[tuple[str, str], tuple[tuple[str, ...], str]] = {("numpy, scipy", ""): (base, "")}
     works |= {
         (name, folder): (("-m", "stabctl", *words.split()), folder)
         for name, words in COMMANDS.items()

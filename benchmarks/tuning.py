@@ -10,6 +10,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import time
+from functools import partial
 
 import stabctl as st
 
@@ -25,8 +26,8 @@ def main() -> None:
     for checks in (0, 3):
         start = time.process_time()
         levels = (0.9,) if checks else ()
-        more = {"levels": (1.0,), "gains": (), "check_levels": levels, "checks": checks, "workers": 1}
-        found = st.design.tune(base, devices, **more)
+        tune = partial(st.design.tune, base, devices, levels=(1.0,), gains=(), workers=1)
+        found = tune(check_levels=levels, checks=checks)
         text = "with its evidence" if checks else "alone"
         print(f"tuned together, {text}: {time.process_time() - start:.0f} s, worst damping {found.damping:.4f}")
 

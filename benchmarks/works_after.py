@@ -9,7 +9,8 @@ from machine import cpu, timed
 from stabctl import io
 from stabctl.clearing import screen
 from stabctl.dynamics import operating_point
-from stabctl.estimation.estimators import estimator
+from stabctl.dynamics.operating_point import OperatingPoint
+from stabctl.estimation.estimators import Engine, estimator
 from stabctl.estimation.pmu import Instrument, Pmu
 from stabctl.estimation.rotor_units import Terminals, rotor_units
 from stabctl.io.contingencies.toml import read
@@ -39,11 +40,11 @@ def ten_seconds(name: str, record: bool) -> float:
     return cpu(partial(simulation.advance, 10.0))
 
 
-def frame(engine: str | None) -> float:
+def frame(engine: Engine = "batched") -> float:
     """Median processor seconds of the Kalman filters of 34 machines per frame of one seed, over two seconds."""
     simulation, pmu = Simulation(setup(POINTS["wnaps"]), FAULTS["wnaps"], record=False), Pmu()
     known, terminals = rotor_units(simulation.point), Terminals(simulation)
-    made = estimator("kalman", known, pmu, **({"engine": engine} if engine else {}))
+    made = estimator("kalman", known, pmu, engine=engine)
     instrument = Instrument(pmu, range(1), len(simulation.point.case.machines), known.frequency_hz)
     times = []
     for k in range(120):
@@ -63,6 +64,11 @@ def sited(classical: bool) -> float:
     return cpu(partial(place, base, listed, workers=1))
 
 
+def linearized(point: OperatingPoint) -> object:
+    """The state matrix, with the algebraic variables eliminated."""
+    return eliminated(descriptor(point))
+
+
 def banded(clock: Callable[[Callable[[], object]], float]) -> float:
     """Seconds of the modes from 0.1 to 2.5 Hz of ten times wnaps, 4,370 states, by a clock (`cpu` or `timed`)."""
     form = descriptor(operating_point.solve(replicate(CASES["wnaps"], 10, spread=0.05)))
@@ -73,9 +79,9 @@ WORKS = {
     **{f"10 s of {k}": partial(ten_seconds, k, False) for k in FAULTS},
     **{f"10 s of {k}, recorded": partial(ten_seconds, k, True) for k in FAULTS},
     **{f"start of {k}": partial(cpu, partial(operating_point.solve, CASES[k], FLOWS[k])) for k in CASES},
-    **{f"linearization of {k}": partial(cpu, lambda p=p: eliminated(descriptor(p))) for k, p in POINTS.items()},
+    **{f"linearization of {k}": partial(cpu, partial(linearized, p)) for k, p in POINTS.items()},
     "screen of ieee39, classical, below 5 cycles": partial(cpu, partial(screen, CLASSICAL, below="5cyc", workers=1)),
-    "Kalman filter, 34 machines, per frame: default engine": partial(frame, None),
+    "Kalman filter, 34 machines, per frame: default engine": frame,
     "Kalman filter, 34 machines, per frame: batched engine": partial(frame, "batched"),
 }
 LONG = {

@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 from dataclasses import replace
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -65,15 +66,14 @@ def studies() -> None:
     fault, one = st.Contingency("7-8@0.4", clear="6cyc"), np.ones((1, 1))
     case = st.load("two_area")
     point = case.initialize(storage="50MW")
-    gated = {"limits": 0.05, "gate": st.Gate("voltage:7", low=0.8)}
-    sampled = st.Controller(("speed:2",), ("vs:2",), -one, one, one, 0 * one, limits=0.05, rate=60, delay=0.05)
+    feedback = partial(st.Controller, ("speed:2",), ("vs:2",), -one, one, one, 0 * one, limits=(-0.05, 0.05))
     laws = (
-        None, st.BangBang(), st.Feedback(1.0), st.StorageLaw(slope=0.5), st.BangBang().sampled(60, "50ms"), sampled,
-        st.Controller(("speed:2",), ("vs:2",), -one, one, one, 0 * one, **gated),
+        None, st.BangBang(), st.Feedback(1.0), st.StorageLaw(slope=0.5), st.BangBang().sampled(60, "50ms"),
+        feedback(rate=60, delay=0.05), feedback(gate=st.Gate("voltage:7", low=0.8)),
     )  # fmt: skip
     runs = [point.simulate(fault, "1.2s", control=law) for law in laws]
-    shares = {"p_power": 1.0, "q_power": 1.0, "p_current": 0.0, "q_current": 0.0}
-    heavy = replace(case, loads=tuple(load._replace(**shares) for load in case.loads))
+    loads = (k._replace(p_power=1.0, q_power=1.0, p_current=0.0, q_current=0.0) for k in case.loads)
+    heavy = replace(case, loads=tuple(loads))
     heavy.initialize().simulate(st.Contingency("8", clear="6cyc", at=0.1), "0.4s")  # needs Newton's method
     stages.stages(runs[0])
     point.modes()

@@ -69,7 +69,8 @@ def sample(tree: Path, where: list[str], size: int, seed: int) -> list[mutants.M
     random.Random(seed).shuffle(places)
     places.sort(key=lambda place: place[0].split("/")[1])  # within a package still at random
     stride = -(-len(places) // size)
-    equivalent, chosen = known(), {}
+    equivalent = known()
+    chosen: dict[str, mutants.Mutant] = {}
     for name, i in (place for first in range(stride) for place in places[first::stride]):
         if len(chosen) == size:
             break

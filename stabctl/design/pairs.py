@@ -225,7 +225,7 @@ def meant(modes: Modes, hz: float | None) -> int:
     if not swings:
         raise StudyError(f"{modes.linear.name} has no electromechanical mode to damp.")
     if hz is None:
-        return min(swings, key=lambda k: modes.damping_ratio[k])
+        return modes.least_damped()[-1]
     k = min(swings, key=lambda k: abs(modes.frequency_hz[k] - hz))
     if abs(modes.frequency_hz[k] - hz) > ASIDE * hz:
         known = ", ".join(f"{modes.frequency_hz[k]:.3f}" for k in swings)

@@ -242,10 +242,10 @@ class Modes(Tabular):
         return [int(k) for k in np.flatnonzero(self.electromechanical) if self.eigenvalues[k].imag > 0]
 
     def least_damped(self) -> list[int]:
-        """Indices of the least damped oscillatory mode and, if that is another one, of the electromechanical one."""
-        groups = np.flatnonzero(self.eigenvalues.imag > 0), self.swings()
-        worst = (min(map(int, group), key=lambda k: self.damping_ratio[k], default=None) for group in groups)
-        return list(dict.fromkeys(k for k in worst if k is not None))
+        """Indices of the least damped oscillatory mode and, last, of the electromechanical one, if it is another."""
+        ratio, groups = self.damping_ratio.round(9), (np.flatnonzero(self.eigenvalues.imag > 0).tolist(), self.swings())
+        slowest = (min(group, key=lambda k: (ratio[k], self.eigenvalues[k].imag)) for group in groups if group)
+        return list(dict.fromkeys(slowest))  # of undamped modes, whose ratios are rounding errors, the slowest
 
     def within(self, low_hz: str | float, high_hz: str | float) -> list[int]:
         """Indices of the oscillatory modes in a band of frequencies, one of each pair.

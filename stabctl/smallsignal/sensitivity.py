@@ -184,12 +184,12 @@ def sensitivity(
 def index(modes: Modes, mode: Any) -> int:
     """Index of the mode, which must be simple and not zero."""
     if mode is None:
-        k = min(modes.swings(), key=lambda k: modes.damping_ratio[k], default=-1)
-        if k < 0:
+        if not modes.swings():
             raise StudyError(
                 f"{modes.linear.point.case.name} has no electromechanical mode; choose one with mode=, a frequency "
                 "such as '5Hz' or the index of an eigenvalue."
             )
+        k = modes.least_damped()[-1]
     elif isinstance(mode, Integral) and not isinstance(mode, bool):
         modes.mode(int(mode))
         k = int(mode) % len(modes)
