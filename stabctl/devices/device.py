@@ -89,7 +89,7 @@ class Device:
     automatic: Equation = _equation("p u y", "Par, with the parameters that follow from the starting point")
     inertia: Equation = _equation("p", "inertia constant of a virtual rotor, s on its own base")
     loops: Equation = _equation("p", "LOOPS, where parameters decide what a loop holds")
-    standstill: Equation = _equation("p", "largest eigenvalue of a motor that has stopped, 1/s")
+    elsewhere: Equation = _equation("p", "largest eigenvalue away from the start: of a stopped motor, at limits, 1/s")
     stalled: Equation = _equation("x p", "whether a motor has stalled")
     blocked: Equation = _equation("p", "Par of a link while a terminal has no voltage")
     stepped: Equation = _equation("p power", "Par of a load that draws more power, complex, pu on the system base")

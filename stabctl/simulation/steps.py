@@ -51,20 +51,24 @@ def trusted(step: float, loop: float) -> bool:
     return step * loop <= REACH
 
 
-def standstill(point: OperatingPoint) -> tuple[float, str]:
-    """Largest eigenvalue (1/s) of a motor load that has stopped, 0 if there is none, and the name of the load.
+def elsewhere(point: OperatingPoint) -> tuple[float, str]:
+    """Largest eigenvalue (1/s) that a device may come to away from the start, 0 if there is none, and of what it is.
 
-    While it runs, its fluxes move slowly; those of a stopped motor turn at rated frequency against its rotor.
+    The fluxes of a running motor move slowly; those of a stopped one turn at rated frequency against its rotor. The
+    controllers that hold a converter at a limit rest within it.
     """
-    motors = [f for f in point.system.families if f.device.standstill is not None]
-    rates = [f.device.call("standstill", f.device.Par(*f.k.T)) for f in motors]
-    worst = [(float(rate.max()), f.keys[int(rate.argmax())]) for f, rate in zip(motors, rates, strict=True)]
-    return max(worst, default=(0.0, ""))
+    worst = [(0.0, "")]
+    for f in (f for f in point.system.families if f.device.elsewhere is not None):
+        rates = f.device.call("elsewhere", f.device.Par(*f.k.T))
+        key, motor = f.keys[int(rates.argmax())], f.device.role == "load"
+        what = f"the motor of {key}, if it stops" if motor else f"{f.device.name} of {key}, at a limit of its power"
+        worst.append((float(rates.max()), what))
+    return max(worst)
 
 
 def _fastest(point: OperatingPoint) -> float:
-    """The largest eigenvalue (1/s) at the operating point, or of a motor that stops."""
-    return max(point.fastest, standstill(point)[0])
+    """The largest eigenvalue (1/s) at the operating point, or of a device away from it."""
+    return max(point.fastest, elsewhere(point)[0])
 
 
 class Steps(NamedTuple):
@@ -173,11 +177,11 @@ def cause(point: OperatingPoint, loop: float = 0.0) -> str:
     A motor that may stop, `T2d = 1e-05 s of genrou, machine 3 at bus 3`, a controller, or without such a time constant
     the control loop or state that takes part most: `PLL of REGC_C 5`, `Ed REGC_C 5`.
     """
-    rate, load = standstill(point)
+    rate, what = elsewhere(point)
     if loop > FASTER * max(rate, point.fastest):
         return "that of the loop closed by the control; reduce its gain"
     if rate > 2 * point.fastest:
-        return f"that of the motor of {load}, if it stops"
+        return f"that of {what}"
     for f in point.system.families:
         if f.device.fastest is not None and point.fastest < NEAR * f.device.fastest(f.k[0]):
             return f"that of controller {f.keys[0]}"

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from block_diagram import distance, evaluate, feedback, one, opened, response, s
+from block_diagram import distance, evaluate, feedback, one, opened, response, s, slopes
 from recorded import signal, state
 from records import regfm_a1
 from systems import FORMING, small
 
 import stabctl as st
-from stabctl._util.errors import EquilibriumError
+from stabctl._util.errors import EquilibriumError, StudyError
 from stabctl.dynamics import operating_point
 from stabctl.model import network
 from stabctl.simulation import simulation
@@ -233,3 +233,28 @@ def test_a_limit_below_its_dispatch_is_named():
     for given in ({"Pmax": 0.5}, {"ImaxF": 0.6}):
         with pytest.raises(EquilibriumError, match=r"REGFM_A1 of machine 1 at bus 1 cannot be initialized: "):
             operating_point.solve(small({"regfm_a1": FORMING._replace(**given)}))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_its_fastest_eigenvalue_at_a_limit_is_that_of_its_equations(seed):
+    """At a stiff bus, Q beyond Qmax, P beyond Pmax: those of the equations are not above it, and near it if Q is fast."""
+    rng = np.random.default_rng(seed)
+    gains = {"kpv": rng.uniform(0.5, 2), "kpq": rng.uniform(1, 4), "kpp": 0.05, "kiv": 1.0, "kiq": 1.0, "kip": 0.1}
+    p = FORMING._replace(mva=1.0, wb=314.0, **gains, VFlag=seed % 2, TQf=0.01, TPf=0.02, Emax=9.0, ImaxF=9.0)
+    at = np.array([0.17, 1.1, 0.5, 1.0, 1.0 if p.VFlag else 0.0, 0.01, 0.0, 0.01, 0.0], complex)
+    u = regfm_a1.Input(Pref=1.0, Qref=0.0, Vref=1.0 + p.mq * 0.5 + p.kpq * 0.06)
+    J = slopes(lambda z: regfm_a1.equations(regfm_a1.State(*z), u, (1.0, 0.0), p)[1], at)
+    fastest = np.abs(np.linalg.eigvals(J)).max()
+    bound = regfm_a1.elsewhere(type(p)(*(np.array([value]) for value in p)))[0]
+    assert 0.8 * bound < fastest <= 1.1 * bound  # E and cos(delta) are not 1
+
+
+@pytest.mark.parametrize("given", [{"VFlag": 0}, {"kpv": 1.0}])
+def test_the_default_step_follows_its_controllers_at_a_limit(given):
+    """At 1/120 s the voltage of its bus rested at 1.0292 instead of 1.0276."""
+    point = st.load("two_area").with_device("regfm_a1", 3, Qmax=0.22, **given).initialize()
+    ends = [point.simulate("9:+150Mvar@1s", until="3s", step=step).rows[-1] for step in (None, "0.3ms")]
+    layout = point.layout
+    assert np.abs(ends[0] - ends[1])[: layout.nx].max() < 1e-6
+    with pytest.raises(StudyError, match="at a limit of its power"):
+        point.simulate("9:+150Mvar@1s", until="3s", step="5ms")

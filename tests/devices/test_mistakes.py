@@ -26,8 +26,8 @@ MISTAKES = {
     ),
     "misspelt equation beside the others": (
         "@inline\ndef output",
-        "def standstil(p):\n    return p.T\n\n\n@inline\ndef output",
-        "it defines standstil, which nothing reads; did you mean standstill?",
+        "def elsewher(p):\n    return p.T\n\n\n@inline\ndef output",
+        "it defines elsewher, which nothing reads; did you mean elsewhere?",
     ),
     "no such role": (
         'ROLE = "stabilizer"',

@@ -129,7 +129,8 @@ def ac8b(p, x, u, _):
     y = fast + x.vi
     rests = (y >= p.VPIDmax and p.KIR * e > 0) or (y <= p.VPIDmin and p.KIR * e < 0)
     field, found = alternator(p, x, u, held(x.vr, p.VRmin, p.VRmax))
-    found["ve"] = min(found["ve"], 100 * (p.VFEmax - field))
+    steep = (saturation(p, x.ve + 1e-6) - saturation(p, x.ve - 1e-6)) / 2e-6
+    found["ve"] = min(found["ve"], 100 * (p.VFEmax - field) / max(p.KE + steep, 1.0))
     drive = p.KA * held(y, p.VPIDmin, p.VPIDmax)
     regulator = {"vi": 0.0 if rests else p.KIR * e, "vd": (e - x.vd) / p.TDR, "vr": (drive - x.vr) / p.TA}
     return rates | found | regulator

@@ -102,6 +102,16 @@ def inertia(p: Par) -> float:
     return p.TPf / (2 * p.mp)
 
 
+def elsewhere(p: Par) -> np.ndarray:
+    """Largest eigenvalue (1/s) of converters (arrays) at the limits of their power, at a stiff bus.
+
+    There Q changes by dE/XL and P by d delta/XL. The loop of Q has a filter and a proportional gain, that of P a
+    filter and the integral from frequency to angle.
+    """
+    gain = np.where(p.VFlag > 0.5, p.kpv, 1.0) * (p.mq + p.kpq) / p.XL
+    return np.asarray(np.maximum((1 + gain) / p.TQf, np.sqrt(p.wb * (p.mp + p.kpp) / (p.XL * p.TPf))))
+
+
 @inline
 def voltage(x, u, p):
     """Magnitude of the internal voltage (pu), and derivatives (1/s) of the integrals e, qmax and qmin."""

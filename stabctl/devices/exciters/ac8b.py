@@ -6,7 +6,8 @@ Vref + Vs -----------> + -> [KPR + KIR/s + sKDR/(1+sTDR)], limited VPIDmin..VPID
       (-) VFE = (KE + SE(VE)) VE + KD Ifd, at most VFEmax
 
 SE(VE) VE = B (VE - A)^2 through (E1, SE1) and (E2, SE2). The integral stops while the limited sum is driven beyond its
-limit. VFE comes to VFEmax through a lag of 10 ms, so that it does not pass it; in the source it stops there.
+limit. VFE comes to VFEmax through a lag of 10 ms, so that it does not pass it; in the source it stops there. (Where
+VFE rises more slowly than VE, it is VE that moves with 10 ms.)
 Source: IEEE Std 421.5-2005, type AC8B; PSS/E Model Library, AC8B.
 """
 
@@ -18,7 +19,7 @@ from annotated_types import Ge
 
 from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
-from stabctl.devices.blocks import at_most, clip, derivative, integral, lag, pi, rectified
+from stabctl.devices.blocks import at_least, at_most, clip, derivative, integral, lag, pi, rectified
 
 from . import shared
 from .ac import load
@@ -90,7 +91,8 @@ def equations(x, u, p):
     pid, d_vi = pi(p.KPR, p.KIR, error, integral(p.KIR, x.vi) + vd, p.VPIDmin, p.VPIDmax)
     vr, d_vr = lag(p.TA, p.KA * pid, x.vr)
     vfe = load(x, u, p)
-    d_ve = at_most((clip(vr, p.VRmin, p.VRmax) - vfe) / p.TE, STOP * (p.VFEmax - vfe))
+    slope = at_least(p.KE + 2 * p.SB * at_least(x.ve - p.SA, 0.0), 1.0)  # of VFE; STOP is the rate of VFE, not of VE
+    d_ve = at_most((clip(vr, p.VRmin, p.VRmax) - vfe) / p.TE, STOP * (p.VFEmax - vfe) / slope)
     return Output(rectified(x.ve, p.KC, u.Ifd)), State(vm=d_vm, vi=d_vi, vd=d_vd, vr=d_vr, ve=d_ve)
 
 

@@ -208,7 +208,7 @@ def derivatives(x, v, p):
     )
 
 
-def standstill(p: Par) -> np.ndarray:
+def elsewhere(p: Par) -> np.ndarray:
     """Largest eigenvalue (1/s, absolute) of the fluxes of stopped motors (arrays) at a given voltage: wb |j - rate|."""
     two, X2 = p.R2 > 0, np.where(p.R2 > 0, p.X2, 1.0)
     behind = p.Xa * p.Xm / (p.Xa + p.Xm)
