@@ -308,6 +308,8 @@ class Study(Tabular):
                 first, be = lost[0].found, "is" if len(lost) == 1 else "are"
                 when = f"critical after {_cycles(first.reach_cycles)}"
                 when = "lost even if cleared at once" if first.status == "unstable_at_zero" else when
+                if -(grid := first.search.resolution_cycles) < lost[0].cycles:  # a time between two points
+                    when += f" (only multiples of {_cycles(grid)} were tried)"
                 said.append(
                     f"{case}: {len(lost)} of {number} {be} not survived with a clearing time of "
                     f"{_cycles(wanted.cycles)}{own}. The worst is {first.contingency.label}, {when}, limited by "

@@ -39,6 +39,7 @@ EVERY = 20.0  # s   between two partial studies during the screen
 AT_FIRST = 2.0, 3.0, 5.0  # s   between the first ones
 SCREENED = 0.95  # share of the work that is done after the screen
 WORST = 10  # faults simulated
+LIMIT = 60.0  # cycles   longest clearing time tried, if none is given
 ALONE = 0.2  # share of the work that is done before the remedies
 
 Tell = Callable[[float, str], None]  # the share that is done, and the part under way
@@ -107,7 +108,8 @@ def study(
         Called with the study as far as it is done: after every part, before the screen with the contingencies that look
         worst, and during the screen, which then begins with them, after 2, 5 and 10 s and every 20 s.
     **search
-        Further arguments of `screen`: resolution, limit, observe, longest, scan, step.
+        Further arguments of `screen`: resolution, limit (60 cycles, or `clear` if that is longer), observe, longest,
+        scan, step.
 
     Returns
     -------
@@ -142,6 +144,12 @@ def study(
             raise StudyError(f"{what}.")
     if prices is not None and not kinds(remedies):
         raise StudyError("Prices are those of remedies; leave out remedies, or the prices.")
+    longest = cycles(search.setdefault("limit", f"{max(LIMIT, wanted.cycles)}cyc"), case.frequency_hz)
+    if longest < wanted.cycles:
+        raise StudyError(
+            f"limit = {longest:g} cycles, the longest clearing time tried, is shorter than the clearing time that "
+            f"protection guarantees, clear = {wanted.cycles:g} cycles; give at least that."
+        )
     asked, costs, rules = kinds(remedies), priced(prices), None if criteria is None else named(criteria)
     running = {"workers": workers, "store": store, "scheduler": scheduler}
     work = _Work(worst, {**search, "criterion": criterion}, running)
@@ -200,7 +208,13 @@ class _Work(NamedTuple):
             **self.search,
             **self.running,
         )
-        yield (now := replace(now, screen=done))
+        for m in (now := replace(now, screen=done)).margins:
+            if m.found.status == "stable_at_limit" and not m.secure:
+                raise StudyError(
+                    f"The screen ends at limit = {m.found.reach_cycles:g} cycles, but {m.found.contingency.label} "
+                    f"is cleared after {m.required:g} cycles; give a limit of at least that."
+                )
+        yield now
         same: Any = {"control": how.control, "criterion": done.search.criterion, "step": done.search.step}
         yield replace(now, worst=tuple(simulate(point, *one, **same) for one in now.runs(self.worst)))
 

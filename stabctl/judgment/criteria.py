@@ -68,8 +68,8 @@ class Voltage(_Local):
 class Frequency(_Local):
     """A [[frequency]] rule: the speed of no machine longer below (or above) a frequency than a time."""
 
-    below: float | None = Field(None, gt=0, description="a frequency in Hz")
-    above: float | None = Field(None, gt=0, description="a frequency in Hz")
+    below: float | None = Field(None, gt=10, description="a frequency in Hz, such as 59.0")
+    above: float | None = Field(None, gt=10, description="a frequency in Hz, such as 61.0")
     longest: str = Field("0s", description='a time such as "2s"')
     total: bool = Field(False, description="true, if the times below are added up, or false")
 

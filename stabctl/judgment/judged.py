@@ -196,14 +196,9 @@ class _Seen:
         until = low[0][1] if low else self.cleared
         limit = f"it must recover within {rule.recover} of the fault, {place.told}"
         if until - self.fault > allowed + SLACK:
-            yield Violation(
-                rule.name,
-                place.name,
-                self.fault + allowed,
-                float(np.nanmin(place.values[self.time >= self.cleared])),
-                place.unit,
-                limit,
-            )
+            late = self.fault + allowed
+            later = [np.interp(late, self.time, place.values), *place.values[self.time >= late]]
+            yield Violation(rule.name, place.name, late, float(np.nanmin(later)), place.unit, limit)
         elif low and until >= end - SLACK:
             yield f"{rule.name}: {place.name} has not recovered when the run ends at {end:.3f} s; simulate longer."
 

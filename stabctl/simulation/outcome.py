@@ -1,5 +1,6 @@
 """How a run ended: one of five kinds, with sentences that explain it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
@@ -70,7 +71,7 @@ class End(NamedTuple):
     machine: int  # row of the critical rotor unit, or of the angle without weight
     bus: int  # row of the critical bus
     outside_s: float  # s   longest time that an island was outside the frequency range
-    taken_off: tuple[str, ...]  # sentences on machines that ran away alone in their island
+    taken_off: Mapping[int, str]  # unit -> a sentence, of machines that ran away alone in their island
     swings: Swings | None  # if it reached its end
     frequency: float  # pu   of the critical phase-locked loop
     stalled: "Stalled"  # motor loads
@@ -84,7 +85,7 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
     """The outcome of a run."""
     bus, t = point.case.buses[end.bus].bus, end.time
     number, called = _critical(point, end)
-    cut = " ".join((_cut_off(point, end.stage), *end.taken_off)).strip()
+    cut = " ".join((_cut_off(point, end), *end.taken_off.values())).strip()
     if not (end.stage.net.island >= 0).any():
         return Outcome(
             Kind.VOLTAGE_COLLAPSE,
@@ -167,11 +168,12 @@ def check_numbers(layout: Layout, s: np.ndarray, part: Part, t: float) -> None:
         )
 
 
-def _cut_off(point: OperatingPoint, now: Stage) -> str:
+def _cut_off(point: OperatingPoint, end: End) -> str:
     """What the switching has separated from the rest of an island, or left without a source; empty if nothing.
 
     The rest is the part with the largest inertia. The islands that the network had before are no event.
     """
+    now = end.stage
     where, before, on = now.island_of_bus, point.island, now.net.island >= 0
     if where.max() == 0:
         return ""
@@ -180,14 +182,13 @@ def _cut_off(point: OperatingPoint, now: Stage) -> str:
         where[point.system.unit_bus[rotors.unit]], rotors.inertia * on[rotors.unit], minlength=where.max() + 1
     )
     largest = {int(max(np.unique(where[before == own]), key=lambda k: weight[k])) for own in np.unique(before)}
-    parts = []
+    loads, parts = {load.bus for load in point.case.loads}, []
     for k in (k for k in range(where.max() + 1) if k not in largest or not now.net.alive[where == k].any()):
         buses = [b.bus for b, island in zip(point.case.buses, where, strict=True) if island == k]
-        places = zip(point.case.machines, point.net.machine_bus, on, strict=True)
-        machines = [m.called for m, at, runs in places if where[at] == k and runs]
-        rest = (
-            f"with {enumerated('machine', machines)}" if machines else f"without {SOURCE}: blacked out, its load lost"
-        )
+        places = enumerate(zip(point.case.machines, point.net.machine_bus, on, strict=True))
+        machines = [m.called for i, (m, at, runs) in places if where[at] == k and (runs or i in end.taken_off)]
+        lost = ", its load lost" * (not loads.isdisjoint(buses))
+        rest = f"with {enumerated('machine', machines)}" if machines else f"without {SOURCE}: blacked out{lost}"
         parts.append(f"{enumerated('bus', buses)} {rest}")
     return f"The switching cut off {'; and '.join(parts)}." if parts else ""
 

@@ -70,7 +70,7 @@ class Simulation:
         self.changes = timeline(point.case, timed_events(point.case, events))
         self.time, self.wall_s, self.steps = start, 0.0, 0
         self.outcome: Outcome | None = None
-        self._taken_off: list[str] = []
+        self._taken_off: dict[int, str] = {}
         self._verdict = _judgment.DONE
         self._finished: Trajectory | None = None
         self._swings: tuple[float, Swings | None] | None = None  # instant and last swings then
@@ -241,12 +241,14 @@ class Simulation:
         check_numbers(self.point.layout, self._run.s, self._run.part, self.time)
         self._verdict = verdict
         instant = self.time - (float(self._run.late[0]) if verdict in TIMED else 0.0)
+        if (self._on.network.net.island < 0).all():
+            instant = float(self._off.max())  # blacked out
         bus, rotor = int(self._run.notes[NOTE.bus]), int(self._run.notes[NOTE.rotor])
         outside = self._run.watch.off[1].max(initial=0.0)
         last = self.swings() if verdict == _judgment.DONE else None
         end = End(
             verdict, instant, self._on.network, self.speed, self._on.places.weight, rotor, bus, outside,
-            tuple(self._taken_off), last, self._loop_frequency(verdict, rotor),
+            self._taken_off, last, self._loop_frequency(verdict, rotor),
             stalled(self.point, self._run.s, self._on.network.net.alive), self._cycling(),
             self._loop(), self._record.extremes,
             self.switching,
@@ -297,7 +299,7 @@ class Simulation:
             left = f"was outside {frequency_range(rules, hz)} for {rules.frequency_delay_s:g} s at {self.time:.3f} s"
         noun = "Converter" if self.point.rotors.virtual[self._run.notes[NOTE.rotor]] else "Machine"
         number = self.point.case.machines[row].called
-        self._taken_off.append(f"{noun} {number}, alone in its island, {left} and was tripped.")
+        self._taken_off[row] = f"{noun} {number}, alone in its island, {left} and was tripped."
 
     def _call(self, now: steps.Steps, last: bool, settle: bool = False) -> tuple[int, int]:
         """Make steps; with `last`, record their end too, with `settle`, only evaluate all signals there."""

@@ -3,6 +3,7 @@
 A task is a job of the study with its case, its controllers and the key of its result.
 """
 
+import shlex
 import time
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import closing
@@ -169,11 +170,15 @@ def _rows(missing: list[Task], workers: int, scheduler: str | None) -> Generator
 
 
 def _warnings(wanted: Iterable[Task]) -> tuple[str, ...]:
-    """What the readers of the cases noted, and how many unusual values each has, each once."""
-    cases = {t.job.case: t.shared.case for t in wanted}
+    """What the readers of the cases noted, and the changes of each case with the most unusual values."""
     notes = dict.fromkeys(note for t in wanted for note in t.shared.case.notes)
-    told = (unusual.check(case, balance=False).told(str(name)) for name, case in cases.items())
-    return *notes, *filter(None, told)
+    worst: dict[str, tuple[int, str]] = {}
+    for job, case in {(t.job.case, t.job.set): (t.job, t.shared.case) for t in wanted}.values():
+        found = unusual.check(case, balance=False)
+        options = (word for change in job.changes.items() for word in ("--set", "{}={}".format(*change)))
+        told = len(found.findings), found.told(shlex.join([str(job.case), *options]))
+        worst[job.case] = max(worst.get(job.case, told), told, key=lambda one: one[0])
+    return *notes, *(told for _, told in worst.values() if told)
 
 
 class Shared(NamedTuple):

@@ -335,3 +335,19 @@ def test_the_lines_of_the_page_compute_its_numbers(stabctl, tmp_path):
     assert times == sorted(row["critical_cycles"] for row in record["contingencies"])
     assert found["last"].outcome.message == record["worst"][0]["message"]
     assert f"max_angle={float(np.deg2rad(120))!r}" in lines
+
+
+def test_a_clearing_time_beyond_the_search_is_no_verdict(base):
+    """With a limit of 5 cycles all four counted as lost with 9 cycles, though three survive 15 cycles and more."""
+    common = {"faults": "lines", "worst": 0, "remedies": "none"}
+    with pytest.raises(StudyError, match="shorter than the clearing time that protection guarantees, clear = 9 cycles"):
+        st.study(base, clear="9cyc", limit="5cyc", **common)
+    own = [st.Contingency("9", clear="12cyc", trip="8-9")]
+    with pytest.raises(StudyError, match="ends at limit = 8 cycles, but 9 trip 8-9 is cleared after 12 cycles"):
+        st.study(base, clear="4cyc", limit="8cyc", **common | {"faults": own})
+    assert st.study(base, clear="70cyc", **common | {"faults": own[:1]}).screen.search.limit_cycles == 70
+
+
+def test_a_clearing_time_between_two_points_of_the_search_is_said(base):
+    found = st.study(base, clear="9cyc", resolution="2cyc", faults="lines", worst=0, remedies="none")
+    assert "critical after 8 cycles (only multiples of 2 cycles were tried)" in str(found)

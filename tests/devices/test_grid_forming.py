@@ -237,7 +237,7 @@ def test_a_limit_below_its_dispatch_is_named():
 
 @pytest.mark.parametrize("seed", range(8))
 def test_its_fastest_eigenvalue_at_a_limit_is_that_of_its_equations(seed):
-    """At a stiff bus, Q beyond Qmax, P beyond Pmax: those of the equations are not above it, and near it if Q is fast."""
+    """At a stiff bus, Q beyond Qmax and P beyond Pmax: the largest of the equations, where that of Q is the fastest."""
     rng = np.random.default_rng(seed)
     gains = {"kpv": rng.uniform(0.5, 2), "kpq": rng.uniform(1, 4), "kpp": 0.05, "kiv": 1.0, "kiq": 1.0, "kip": 0.1}
     p = FORMING._replace(mva=1.0, wb=314.0, **gains, VFlag=seed % 2, TQf=0.01, TPf=0.02, Emax=9.0, ImaxF=9.0)

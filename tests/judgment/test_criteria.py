@@ -90,9 +90,14 @@ def test_recovery_and_what_comes_after_it(run, tmp_path, change, violated):
     recover = rules(tmp_path, '[[voltage]]\nname = "r"\nof = "before"\nbelow = 0.8\nrecover = "3s"\nbuses = "loads"\n')
     late = [(0.0, 1.0), (1.0, 1.0), (1.01, 0.3), (3.0, 0.3), (4.0 + change, 0.8), (5.0, 1.0)]
     before = abs(run.point.V[run.point.case.row_of_bus[9]])
-    found = judged(with_voltage(run, 9, [(t, v * before) for t, v in late]), 9, recover)
+    traced = with_voltage(run, 9, [(t, v * before) for t, v in late])
+    found = judged(traced, 9, recover)
     assert bool(found) == violated
     assert not violated or found[0].at_s == pytest.approx(4.0)
+    early = rules(tmp_path, '[[voltage]]\nname = "r"\nof = "before"\nbelow = 0.8\nrecover = "1cyc"\nbuses = "loads"\n')
+    assert judged(traced, 9, early)[0].value == pytest.approx(0.3 * before, abs=1e-6), (
+        "the lowest from then on, in the fault too"
+    )
     second = (
         '[[voltage]]\nname = "s"\nbelow = 0.8\nlongest = "1s"\nsince = "recovery"\nrecovered = 0.9\nbuses = "loads"\n'
     )
@@ -169,7 +174,7 @@ def test_a_bus_that_the_contingency_cuts_off_has_no_voltage_to_recover(tmp_path)
 
 def test_an_unstable_run_keeps_no_criteria(tmp_path):
     lost = st.load("two_area").simulate(st.Contingency("7", clear="30cyc"), until="5s")
-    found = lost.judge(rules(tmp_path, '[[frequency]]\nname = "f"\nbelow = 1.0\n'))
+    found = lost.judge(rules(tmp_path, '[[frequency]]\nname = "f"\nbelow = 11.0\n'))
     assert not lost.outcome.stable
     assert not found.violations
     assert not found.kept

@@ -175,6 +175,17 @@ class TestIslands:
         assert "bus 1 with machine 1" not in traced.outcome.message
         assert "bus 1 without a machine or grid-forming converter: blacked out" in traced.outcome.message
 
+    def test_a_machine_that_is_tripped_alone_later_was_cut_off_with_its_bus(self, two_area):
+        said = run(two_area, [Open("1-5", 0.5)], 4.0).outcome.message
+        assert said.startswith("The switching cut off bus 1 with machine 1. Machine 1, alone in its island, was ")
+
+    @pytest.mark.parametrize("until", [1.0, 2.0])
+    def test_a_blackout_is_dated_by_the_trip_of_the_last_machine(self, two_area, until):
+        tripped = [TripMachine(number, 0.2 + 0.1 * number) for number in (1, 2, 3, 4)]
+        outcome = run(two_area, tripped, until).outcome
+        assert outcome.time_s == pytest.approx(0.6)
+        assert outcome.message.startswith("The system is blacked out at 0.600 s: ")
+
     def test_two_areas_apart_are_each_judged_by_their_own_centre(self, two_area):
         events = [Open(f"7-8#{k}", 0.5) for k in (1, 2)]
         traced = run(two_area, events, 4.0)

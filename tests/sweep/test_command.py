@@ -119,3 +119,11 @@ def test_changes_of_the_case_are_columns(stabctl, write, tmp_path):
     assert stabctl("sweep", "show", out, "--csv", tmp_path / "all.csv")[0] == 0
     with (tmp_path / "all.csv").open() as file:
         assert [float(row["genrou.1.H"]) for row in csv.DictReader(file)] == [6.5, 13]
+
+
+@pytest.mark.parametrize("values", [[6.5, 1500], [1500, 6.5]])
+def test_unusual_values_are_those_of_the_changed_case(stabctl, write, tmp_path, values):
+    full = PAIR.replace('machines = "classical"\n', "")
+    study = write(f'{full}until_s = 1.2\nset."genrou.1.H" = {values}')
+    said = stabctl("sweep", "run", study, "--out", tmp_path / "results.db", "--workers", 1)[2]
+    assert "1 unusual value: stabctl check two_area --set genrou.1.H=1500\n" in said
