@@ -39,6 +39,7 @@ class Extension:
         self._setpoints: list[SetPoint] = []
         self._values: dict[int, list[float]] = {STATES: [], SETPOINTS: [], OUTPUTS: []}
         self._owners: list[int] = []
+        self._given: dict[int, int] = {}
         self._memory = 0
 
     def states(self, places: Sequence[StatePlace], values: Sequence[float]) -> int:
@@ -100,6 +101,14 @@ class Extension:
         (one,) = before
         return one
 
+    def supersede(self, place: int, by: int) -> None:
+        """Let the signal of a unit at a place be another one, which its device reads instead."""
+        self._given[place] = by
+
+    def given(self, place: int) -> int:
+        """Place of the signal that stands for the one at a place."""
+        return self._given.get(place, place)
+
     def value(self, place: int) -> float:
         """Value of a signal at the operating point."""
         kind, index = place >> BITS, place & ((1 << BITS) - 1)
@@ -118,7 +127,7 @@ class Extension:
         layout = replace(
             old, states=(*old.states, *self._states), setpoints=(*old.setpoints, *self._setpoints),
             outputs=old.outputs + len(self._owners), memory=self._memory, owner=owner,
-            signals={key: int(places(np.array([at]))[0]) for key, at in old.signals.items()},
+            signals={key: int(places(np.array([self.given(at)]))[0]) for key, at in old.signals.items()},
         )  # fmt: skip
         s = np.zeros(layout.size)
         s[places(np.arange(old.first_memory))] = point.s[: old.first_memory]

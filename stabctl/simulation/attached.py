@@ -17,6 +17,7 @@ from stabctl.dynamics.layout import SetPoint, StatePlace
 from stabctl.dynamics.named import Named, named
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen, machines
+from stabctl.model import naming
 
 from . import center, frame, lti
 from . import gate as gates
@@ -102,6 +103,18 @@ def _opening(point: OperatingPoint, signal: str) -> Signal:
     return found[0]
 
 
+def _check_ramps(point: OperatingPoint, controllers: Iterable[Named]) -> None:
+    """Refuse controllers of devices with a ramp limit, which stands between a law and the order of its device."""
+    case = point.case
+    limited = {str(key) for key, s in zip(naming.keys(case, "storage"), case.storage, strict=True) if s.ramp}
+    for c in controllers:
+        for driven in (s.place for s in c.outputs if s.kind == "order" and str(s.place) in limited):
+            raise StudyError(
+                f"Controller {c.controller.name} drives the order of storage {driven}, whose ramp limit holds for laws "
+                "only; leave it out, and give a sampled controller a ramp (ratings per second) of its own."
+            )
+
+
 class _Attachment:
     """Adds controllers one after the other."""
 
@@ -125,6 +138,7 @@ class _Attachment:
         self.unit = {m.machine: i for i, m in enumerate(point.case.machines)}
         for signal in dict.fromkeys(s for c in controllers for s in c.outputs):
             self.ports[signal] = self._ports(signal)
+        _check_ramps(point, controllers)
 
     def _ports(self, signal: Signal) -> list[tuple[int, int, int]]:
         """The inputs of devices that a signal drives."""
@@ -138,8 +152,9 @@ class _Attachment:
 
     def done(self) -> Attached:
         """The operating point with all of them."""
-        for c, signal in zip(self.controllers, self.opening, strict=True):
-            self._add(c, signal)
+        driven = [self._drive(c) for c in self.controllers]
+        for c, signal, places in zip(self.controllers, self.opening, driven, strict=True):
+            self._add(c, signal, *places)
         point, final = self.more.build(), self.more.place
         own = [f.device.fastest(k) for f in point.system.families if f.device.fastest is not None for k in f.k]
         point = replace(point, fastest=max([point.fastest, *own]))
@@ -153,14 +168,20 @@ class _Attachment:
         gates_at = tuple(final(at) for at in self.flags)
         return Attached(point, tuple(self.controllers), self.rates, tuple(called), windows, measured, gates_at)
 
-    def _add(self, c: Named, opening: Signal | None) -> None:
-        what, more, m, p = c.controller, self.more, len(c.inputs), len(c.outputs)
-        reads = self._estimated(c) if id(c) in self.behind else [self.sensors.place(s) for s in c.inputs]
-        owner = self._owner(c)
-        base = [int(self.more.connected(self.ports[s], 0)) for s in c.outputs]
+    def _drive(self, c: Named) -> tuple[list[int], int, int]:
+        """What the outputs of a controller are added to, the first of the sums, which devices now read, and its owner."""
+        more, owner = self.more, self._owner(c)
+        base = [int(more.connected(self.ports[s], 0)) for s in c.outputs]
         out = more.outputs([more.value(at) for at in base], owner)
         for i, s in enumerate(c.outputs):
             more.connected(self.ports[s], out + i)
+            if s.kind in ("field", "power"):  # Efd or Pm of a machine without exciter or governor
+                more.supersede(place(self.base, s), out + i)
+        return base, out, owner
+
+    def _add(self, c: Named, opening: Signal | None, base: list[int], out: int, owner: int) -> None:
+        what, more, m, p = c.controller, self.more, len(c.inputs), len(c.outputs)
+        reads = self._estimated(c) if id(c) in self.behind else [self.sensors.place(s) for s in c.inputs]
         one = self.base.layout.one
         opens, window = one if opening is None else self._flag(c, opening), one
         if what.gate is not None and (what.gate.start > -np.inf or what.gate.end < np.inf):
@@ -237,7 +258,7 @@ class _Sensors:
         """Place of a signal that was not asked for before."""
         base, kind = self._base, signal.kind
         if outputs.given(kind):
-            return outputs.place(base, signal)
+            return self._more.given(outputs.place(base, signal))
         if kind == "state":
             return outputs.state(base, signal)
         if kind == "frequency":

@@ -280,6 +280,29 @@ def test_signals_that_the_case_does_not_have(base, reads, drives, says):
         base.simulate(until="0.1s", control=one)
 
 
+def test_what_a_controller_drives_is_what_others_read_and_what_is_recorded():
+    """Pm of a machine without governor and Efd of one without exciter: the set-point and what the controller adds."""
+    bare = st.load("two_area").without_device("pss").without_device("sexs").without_device("tgov")
+    point = bare.initialize(storage="3@11=50MW")
+    rest = point.simulate(until="0.1s").dataset
+    for read, driven, recorded in (("pm:1", "power:1", "mechanical_power"), ("efd:1", "field:1", "field_voltage")):
+        step = st.Controller.from_function(lambda seen: 0.01, "speed:1", driven, rate=60)
+        follow = st.Controller.from_control(control.ss([], [], [], [[0.5]]), read, "order:3@11")
+        run = point.simulate(until="0.5s", control=[follow, step])
+        change = run.dataset[recorded].sel(machine=1).values - rest[recorded].sel(machine=1).values[0]
+        assert change == pytest.approx(0.01, abs=1e-12)
+        assert order(run, 0)[1:] == pytest.approx(0.005, abs=1e-12)
+
+
+def test_a_ramp_limit_of_a_device_is_not_for_controllers(base):
+    """It stands between a law and its device; a controller would pass it by."""
+    ramped = base.case.with_storage("50MW", ramp=25.0)
+    law = st.StorageLaw(slope=0.05, deadband=0.02)
+    with pytest.raises(StudyError, match="whose ramp limit holds for laws only"):
+        ramped.simulate(until="1s", control=list(law.controllers(ramped)))
+    ramped.simulate(until="1s", control=law)
+
+
 def test_a_gate_has_one_signal(base):
     one = st.Controller.from_control(LAG, "deviation:1", "vs:1", gate=st.Gate("voltage", low=0.8))
     with pytest.raises(StudyError, match="gate: 'voltage' are 11 signals; give one, such as voltage:1"):
