@@ -169,7 +169,7 @@ class _Attachment:
         return Attached(point, tuple(self.controllers), self.rates, tuple(called), windows, measured, gates_at)
 
     def _drive(self, c: Named) -> tuple[list[int], int, int]:
-        """What the outputs of a controller are added to, the place of the first sum, and its owner; devices now read the sums."""
+        """What the outputs of a controller are added to, the place of the first of the sums, and its owner."""
         more, owner = self.more, self._owner(c)
         base = [int(more.connected(self.ports[s], 0)) for s in c.outputs]
         out = more.outputs([more.value(at) for at in base], owner)
