@@ -349,6 +349,7 @@ def solve(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
     exceeded = next(violations.find(case, point.system, point.equations, point.s), None)
     if exceeded:
         raise EquilibriumError(exceeded.sentence(case))
+    point.s[:] = violations.within(point.system, point.s)
     return point
 
 

@@ -14,7 +14,7 @@ from .jacobian import Equations
 from .newton import opened
 
 STILL = 1e-8  # 1/s   largest rate of an equilibrium
-SLACK = 1e-12  # pu   of a state at its limit
+SLACK = 1e-9  # pu   of a state at its limit, above the accuracy of the power flow and the initialization
 
 
 class Violation(NamedTuple):
