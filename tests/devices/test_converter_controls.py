@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 from block_diagram import distance, evaluate, feedback, motion, one, opened, response, rest, s
 from records import csvgn1, dera1, reec_b, reec_c, repc_a, wtdt_a
+from systems import small
 
 from stabctl import devices
 from stabctl._util.schema import fields
 from stabctl.devices.blocks import lookup
 from stabctl.devices.converters.electrical import NO_LIMIT, rising
+from stabctl.dynamics import operating_point
+from stabctl.simulation import simulation
+from stabctl.simulation.events import LoadStep
 
 P, Q = 0.7, 0.2
 AT = {"vt": 1.0, "V": 1.0, "f": 1.0, "P": P, "Q": Q, "fset": 1.0, "wg": 1.0, "Paux": 0.0}
@@ -293,9 +297,8 @@ def test_records_of_what_is_not_modeled_are_refused_or_told():
     ],
 )
 def test_a_limit_of_distributed_generation_is_reached_and_left(given, signal, change, state, high, low):
-    p = dera1.Par(mva=1.0, V0=1.0, bus=0.0, running=0.0, dPmax=9.0, dPmin=-9.0)._replace(**given)
+    p = dera1.Par(mva=1.0, V0=1.0, bus=0.0, dPmax=9.0, dPmin=-9.0)._replace(**given)
     x, u = rest(dera1, opened(dera1, p), {"f": 1.0}, {"P": P, "Q": Q})
-    p = dera1.automatic(p)
     rates, _ = evaluate(dera1, p, x, u)
     assert np.abs(rates).max() < 1e-8
     out = motion(dera1, p, x, lambda t: u | {signal: u[signal] + (change if t < 2 else -change)}, 4.0)
@@ -303,6 +306,20 @@ def test_a_limit_of_distributed_generation_is_reached_and_left(given, signal, ch
     assert y[t < 2].max() == pytest.approx(high, abs=2e-3)
     assert y.min() == pytest.approx(low, abs=2e-3)
     assert y[(t > 2) & (t < 2.3)].min() < high - 0.01
+
+
+@pytest.mark.parametrize(("load", "droop", "edge"), [(-100.0, 20.0, 6e-4), (100.0, 8.0, -4e-4)])
+@pytest.mark.parametrize("gains", [{}, {"Kpg": 0.5, "Kig": 2.0}])
+def test_the_frequency_control_of_distributed_generation_is_a_droop(load, droop, edge, gains):
+    """After a load step dP, P = P0 - R (f - 1 - edge), and D (f - 1) of the machine takes the rest but for losses."""
+    der = dera1.Par(0, 0, 0, Ddn=20.0, Dup=8.0, fdbd1=-6e-4, fdbd2=4e-4)._replace(**gains)
+    point = operating_point.solve(small({"dera1": der}, p=200.0))
+    run = simulation.run(point, [LoadStep(2, 0.5, p=load)], until=60.0)
+    f, P = run.arrays.speed[-1, 0] - 1, run.rows[-1, point.layout.signals[0, "P"]]
+    assert P - 0.5 == pytest.approx(-droop * (f - edge), abs=1e-7)  # measured 2e-9
+    assert np.ptp(run.arrays.speed[run.time > 50.0]) < 1e-8
+    D, R = 2.0 * 4000.0, droop * 400.0  # MW/pu of the machine and of the generation
+    assert f == pytest.approx((-load + R * edge) / (D + R), rel=0.02)  # measured 0.013
 
 
 def test_trips_of_distributed_generation_are_refused():
