@@ -135,14 +135,17 @@ def _nudges(count: int) -> np.ndarray:
 def _kept(point: OperatingPoint, k: np.ndarray | None, lim: Limits) -> np.ndarray:
     """Places of the states at a non-windup limit to which they would return: no small disturbance moves them.
 
-    So rests the integral of a controller that acts beyond a limit only.
+    So rests the integral of a controller that acts beyond a limit only. A rate that no perturbation reverses exceeds
+    the largest derivative of its equation times the perturbation.
     """
     s, per = point.s.copy(), point.s[lim.scale]
     low, high = lim.low * per, lim.high * per
     s[lim.state] = np.clip(s[lim.state], low + NUDGE, high - NUDGE)
-    rate = point.equations.entries(s, k)[1][lim.state]
-    x = point.s[lim.state]
-    return lim.state[((x >= high) & (rate > JUMP)) | ((x <= low) & (rate < -JUMP))]
+    slopes, values = point.equations.entries(s, k)
+    slope = np.zeros(point.equations.pattern.total)
+    np.maximum.at(slope, point.equations.rows, np.abs(slopes))
+    rate, least, x = values[lim.state], SMOOTH * slope[lim.state], point.s[lim.state]
+    return lim.state[((x >= high) & (rate > least)) | ((x <= low) & (rate < -least))]
 
 
 def _replaced(point: OperatingPoint, changed: tuple[str, np.ndarray]) -> list[Family]:
