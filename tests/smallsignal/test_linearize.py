@@ -182,7 +182,7 @@ def test_a_limit_that_is_not_reached_changes_no_eigenvalue_however_slow_its_cont
     for above in (1e-2, 1e-4, 1e-6):
         found = eigenvalues(small({"regfm_a1": forming._replace(Pmax=0.5 + above)}, p=200.0))
         assert np.abs(found - wanted).max() < 1e-9  # measured 0
-    with pytest.raises(LinearizationError, match="REGFM_A1 of machine 1 at bus 1 is exactly at its limit Pmax = 0.5"):
+    with pytest.raises(LinearizationError, match="REGFM_A1 of machine 1 at bus 1 is exactly at its limit Pmax"):
         eigenvalues(small({"regfm_a1": forming._replace(Pmax=0.5)}, p=200.0))
 
 

@@ -26,17 +26,17 @@ from stabctl.devices.blocks import (
     at_most,
     clip,
     deadband,
-    integral,
     lag,
     lag_rate,
     magnitude,
     pi,
     rate_limit,
+    regulated,
     two_slopes,
 )
 from stabctl.devices.ports import PORT, At
 
-from .electrical import FLAG, prioritized
+from .electrical import FLAG, prepare, prioritized
 
 NAME = "DER_A"
 ROLE = "converter"
@@ -57,12 +57,16 @@ DYR = {
 }
 
 
+__all__ = ["prepare"]
+
+
 class Par(NamedTuple):
     """Parameters of the generation, on its own MVA."""
 
     mva: Annotated[float, "-", "MVA over system MVA", FROM_CASE]
     V0: Annotated[float, "pu", "voltage of the power flow", FROM_CASE]
     bus: Annotated[float, "-", "its own bus", FROM_CASE]
+    P0: Annotated[float, "pu", "power of the start", FROM_CASE] = 1.0
     PfFlag: Annotated[float, "-", "reactive power (1: of a power factor, 0: as ordered)", FLAG] = 1
     FreqFlag: Annotated[float, "-", "power control (1: on, 0: off)", FLAG] = 1
     PqFlag: Annotated[float, "-", "priority (1: active, 0: reactive current)", FLAG] = 0
@@ -161,7 +165,7 @@ def derivatives(x, u, y, p):
     ff, d_ff = lag(p.Trf, u.f, x.ff)
     droop = two_slopes(deadband(1 - ff, p.fdbd1, p.fdbd2), p.Ddn, p.Dup)
     error = clip(u.Pref - pm + droop, p.femin, p.femax)
-    held, d_xp = pi(p.Kpg, p.Kig, error, integral(p.Kig, x.xp), p.Pmin, p.Pmax)
+    held, d_xp = pi(p.Kpg, p.Kig, error, regulated(p.Kpg, p.Kig, x.xp), p.Pmin, p.Pmax)
     order = held if p.FreqFlag > 0.5 else u.Pref
     on = 1.0 if p.FreqFlag > 0.5 else 0.0
     d_pord = rate_limit(lag_rate(p.Tpord, order, x.pord), p.dPmin, p.dPmax)
