@@ -7,13 +7,15 @@ from records import csvgn1, dera1, reec_b, reec_c, repc_a, wtdt_a
 from systems import DER, PLANT, REEC, REGC, small
 
 from stabctl import devices
-from stabctl._util.errors import EquilibriumError
+from stabctl._util.errors import EquilibriumError, LinearizationError
 from stabctl._util.schema import fields
 from stabctl.devices.blocks import lookup
 from stabctl.devices.converters.electrical import NO_LIMIT, rising
 from stabctl.dynamics import operating_point
+from stabctl.io.psse import dyr
 from stabctl.simulation import simulation
 from stabctl.simulation.events import LoadStep
+from stabctl.smallsignal import linearize
 
 P, Q = 0.7, 0.2
 AT = {"vt": 1.0, "V": 1.0, "f": 1.0, "P": P, "Q": Q, "fset": 1.0, "wg": 1.0, "Paux": 0.0}
@@ -377,6 +379,24 @@ def test_a_converter_without_an_equilibrium_is_told_what_to_check():
     """REEC_B takes no power."""
     with pytest.raises(EquilibriumError, match="; check its dispatch, and the flags, gains and current curves of its"):
         operating_point.solve(small({"regc_a": REGC, "reec_b": REEC._replace(Pmin=-1.0)}, p=-50.0))
+
+
+def test_a_droop_with_two_slopes_and_no_deadband_is_named_where_it_bends():
+    models = {"regc_a": REGC, "reec_b": REEC, "repc_a": PLANT._replace(Dup=0.0)}
+    with pytest.raises(
+        LinearizationError, match=r"machine 1, .*REPC_A 1, are not differ.* \(Ddn and Dup\) bends there"
+    ):
+        linearize(operating_point.solve(small(models)))
+    assert len(linearize(operating_point.solve(small(models | {"repc_a": PLANT}))).states)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"), [({"dPmax": 0.5}, 1), ({"Vdip": 0.8}, 1), ({}, 0), ({"Tpord": 0.02, "dPmax": 0.5}, 0)]
+)
+def test_an_order_without_a_lag_has_no_rate_limit_and_the_import_says_so(given, told):
+    """The block of Tpord is bypassed below 1 ms, as any lag, and with it what acts on its state."""
+    said = list(dyr._short_lags(REEC._replace(**({"Tpord": 0.0} | given)), "electrical control"))
+    assert said == told * ["Tpord = 0 s: no lag of the power order, so dPmin, dPmax and Vdip do not hold it."]
 
 
 def test_trips_of_distributed_generation_are_refused():
