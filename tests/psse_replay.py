@@ -76,7 +76,7 @@ def recorded(replay):
 def with_unit(case, name):
     """The case with the device that the DYR file of a row lacks."""
     if name.startswith("DERA"):
-        par = dera1.Par(mva=0, V0=0, bus=0, running=0, FreqFlag=int(name[-1]), Kqv=5.0, Imax=1.2)
+        par = dera1.Par(mva=0, V0=0, bus=0, FreqFlag=int(name[-1]), Kqv=5.0, Imax=1.2)
         return replace(
             case,
             devices={"gencls": {101: gencls.Par(mva=0, wb=0, H=0.0, D=0.0, ra=0.0, x1d=1e-5)}, "dera1": {102: par}},

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stabctl._util.schema import fields
 from stabctl.devices.device import Device
 
 SOURCE, CURRENT, OUTPUT, RATES, BOTH, STEP, LOCAL, FRAME = range(8)  # operations
@@ -105,6 +106,19 @@ def side(device: Device, name: str) -> int:
     if name.endswith("max") or name in device.upper:
         return 1
     return -1 if name.endswith("min") else 0
+
+
+@cache
+def given_limits(device: Device) -> tuple[tuple[int, str, int], ...]:
+    """Column, name and `side` of the limits that a table gives, without those computed from other parameters."""
+    sides = ((c, name, side(device, name)) for c, name in enumerate(device.Par._fields) if name in fields(device.Par))
+    return tuple(one for one in sides if one[2])
+
+
+def suffix(record: type, name: str) -> str:
+    """The unit of a field after a space; empty if it has none."""
+    unit = fields(record)[name].unit
+    return "" if unit == "-" else f" {unit}"
 
 
 class Limits(NamedTuple):

@@ -346,9 +346,9 @@ def solve(case: Case, flow: PowerFlow | None = None) -> OperatingPoint:
         If there is no operating point; names the bus with the largest mismatch, or the device, machine and limit.
     """
     point = unlimited(case, flow)
-    exceeded = next(violations.find(case, point.system, point.equations, point.s), None)
-    if exceeded:
+    if exceeded := next(violations.find(case, point.system, point.equations, point.s), None):
         raise EquilibriumError(exceeded.sentence(case))
+    point.s[:] = violations.within(point.system, point.s)
     return point
 
 

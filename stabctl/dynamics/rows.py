@@ -78,6 +78,7 @@ def _unit_row(case: Case, device: Device, unit: int, key: naming.Key, par: Any, 
         "mva": m.base / case.base_mva,
         "wb": 2 * np.pi * case.frequency_hz,
         "V0": float(abs(flow.V[bus])),
+        "P0": float(flow.S[unit].real * case.base_mva / m.base),
         "base": m.base,
     }
     par = _filled(device, par, known)

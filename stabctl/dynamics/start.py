@@ -18,6 +18,7 @@ from .family import Family
 from .jacobian import Equations
 from .newton import Newton, Unsolved
 
+ACTIVE, REACTIVE = ("Pref", "Pset"), ("Qext", "Qset", "Qref")  # set-points that start at the power of the unit
 LEAST = 1e-8  # pu on 100 MVA   current that counts
 
 
@@ -57,7 +58,9 @@ def start(case: Case, system: System, equations: Equations, V: np.ndarray, curre
     s[layout.voltages] = V.view(float)
     s[layout.one] = 1.0
     s[layout.first_setpoint : layout.step] = [1.0 if p.start is None else p.start for p in layout.setpoints]
-    _guess(system, V, current, s)
+    own = current * case.base_mva / np.array([m.base for m in case.machines])
+    _set_points(system, V, own, s)
+    _guess(system, V, own, s)
     _within_limits(system, equations, s)
     iterations, fastest, stiffest = _solve(case, system, equations, V, current, s)
     completed = _with_automatic(system, s)
@@ -70,18 +73,25 @@ def start(case: Case, system: System, equations: Equations, V: np.ndarray, curre
     return Start(system, equations, s, iterations, fastest, stiffest)
 
 
+def _set_points(system: System, V: np.ndarray, current: np.ndarray, s: np.ndarray) -> None:
+    """Initial set-points of power: those of the power flow, where they remain if nothing reads them."""
+    layout = system.layout
+    for k, one in enumerate(layout.setpoints):
+        if one.start is None and one.unit >= 0 and one.name in ACTIVE + REACTIVE:
+            S = V[system.unit_bus[one.unit]] * current[one.unit].conjugate()
+            s[layout.first_setpoint + k] = S.real if one.name in ACTIVE else S.imag
+
+
 def _guess(system: System, V: np.ndarray, current: np.ndarray, s: np.ndarray) -> None:
-    """Initial guess of the states: from the `guess` of each device, otherwise 1."""
+    """Initial guess of the states: from the `guess` of each device, otherwise 1; currents are on the base of a unit."""
     layout = system.layout
     s[: layout.nx] = 1.0
     for f in system.families:
         if f.device.guess is None:
             continue
-        relative = "I" in f.device.arguments("guess")
         for w, k in zip(f.w, f.k, strict=True):
             par, unit, bus = f.device.Par(*k), w[family.UNIT], (w[family.BUS] - layout.nx) // 2
-            own = current[unit] / getattr(par, "mva", 1.0) if unit >= 0 and relative else 0j
-            known = {"V": V[bus], "I": own, "p": par}
+            known = {"V": V[bus], "I": current[unit] if unit >= 0 else 0j, "p": par}
             states = f.device.evaluate("guess", known)
             s[w[family.STATE] : w[family.STATE] + len(states)] = states
 
@@ -121,6 +131,8 @@ def _unsolved(case: Case, system: System, newton: Newton, row: int) -> tuple[str
         what = f"{name} of {case.name} has no equilibrium with zero current"
         return what, "its data: the power flow does not include it"
     what = f"Machine {case.machines[unit].called} of {case.name} has no equilibrium at its power-flow power"
+    if any(f.device.role == "converter" and unit in f.w[:, family.UNIT] for f in system.families):
+        return what, "its dispatch, and the flags, gains and current curves of its controls"
     return what, "its reactances, its saturation and its dispatch"
 
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stabctl._util.schema import fields
 from stabctl.model.case import Case
 
 from . import family
@@ -14,7 +15,7 @@ from .jacobian import Equations
 from .newton import opened
 
 STILL = 1e-8  # 1/s   largest rate of an equilibrium
-SLACK = 1e-12  # pu   of a state at its limit
+SLACK = 1e-9  # pu   of a state at its limit, above the accuracy of the power flow and the initialization
 
 
 class Violation(NamedTuple):
@@ -36,10 +37,12 @@ class Violation(NamedTuple):
         The limit; NaN if there is none.
     needed : float
         What the power flow needs of the limited state; NaN if the limit is not one of a state.
+    suffix : str
+        The unit of the limit after a space; empty if it has none.
     low : bool
         Whether it is a lower limit.
     parameter : bool
-        Whether the limit is a parameter, and not a number in the model.
+        Whether the limit is a parameter, and not a number in the model or computed from parameters.
     """
 
     device: str
@@ -49,6 +52,7 @@ class Violation(NamedTuple):
     limit: str
     value: float
     needed: float = np.nan
+    suffix: str = " pu"
     low: bool = False
     parameter: bool = True
 
@@ -57,14 +61,14 @@ class Violation(NamedTuple):
         if not self.device:
             return f"{self.owner} of {case.name} is not in equilibrium at the power flow; check its data."
         start = f"{self.device} of {self.owner} cannot be initialized: "
-        what = f", but the power flow needs {self.needed:.4g} pu"
+        what = f", but the power flow needs {self.needed:.4g}{self.suffix}"
         if not self.parameter:
             side = "least" if self.low else "most"
-            text = f"its {self.limit} must be at {side} {self.value:g} pu{what}"
+            text = f"its {self.limit} must be at {side} {self.value:g}{self.suffix}{what}"
             return f"{start}{text}; check its parameters and the power there."
         what = what if np.isfinite(self.needed) else " is exceeded at the power flow"
-        widened = widen(case, self.table, self.unit, self.limit)
-        return f"{start}{self.limit} = {self.value:g} pu{what}; {widened} or change the power or voltage there."
+        limit, widened = f"{self.limit} = {self.value:g}{self.suffix}", widen(case, self.table, self.unit, self.limit)
+        return f"{start}{limit}{what}; {widened} or change the power or voltage there."
 
 
 def widen(case: Case, table: str, unit: int, limit: str) -> str:
@@ -119,7 +123,7 @@ def _of_states(system: System, s: np.ndarray) -> Iterator[Violation]:
         state = system.layout.states[lim.state[k]]
         limit, name = (lim.high if high else lim.low)[k], lim.names[k][int(high)]
         f = system.family(state.table)
-        fixed = isinstance(name, float)
+        fixed = name not in fields(f.device.Par)
         yield Violation(
             f.device.name,
             f.name,
@@ -128,6 +132,7 @@ def _of_states(system: System, s: np.ndarray) -> Iterator[Violation]:
             state.name if fixed else str(name),
             float(limit),
             float(value[k] / per[k]),
+            family.suffix(f.device.State if fixed else f.device.Par, state.name if fixed else str(name)),
             not high,
             not fixed,
         )
@@ -137,9 +142,7 @@ def _of_units(system: System, equations: Equations, s: np.ndarray) -> Iterator[V
     """The limits that prevent equilibrium of a unit when each alone is enforced, at all units at once."""
     free, of_state = [opened(f) for f in equations.families], np.array([p.unit for p in system.layout.states], int)
     for i, f in enumerate(equations.families):
-        for c, name in enumerate(f.device.Par._fields):
-            if not (side := family.side(f.device, name)):
-                continue
+        for c, name, side in family.given_limits(f.device):
             trial = free.copy()
             trial[i] = free[i].copy()
             trial[i][:, c] = f.k[:, c]
@@ -147,4 +150,6 @@ def _of_units(system: System, equations: Equations, s: np.ndarray) -> Iterator[V
             moved = set(of_state[~(np.abs(values[: system.layout.nx]) < STILL)].tolist())
             for j, unit in enumerate(f.w[:, family.UNIT].tolist()):
                 if unit in moved:
-                    yield Violation(f.device.name, f.name, f.keys[j], unit, name, float(f.k[j, c]), low=side < 0)
+                    suffix = family.suffix(f.device.Par, name)
+                    value = float(f.k[j, c])
+                    yield Violation(f.device.name, f.name, f.keys[j], unit, name, value, np.nan, suffix, side < 0)

@@ -146,8 +146,7 @@ def initial_state(case: Case) -> InitialState:
     rates = np.abs(point.equations.entries(s.copy())[1][: point.layout.nx])
     worst = int(rates.argmax()) if len(rates) else -1
     state = point.layout.states[worst].label if len(rates) else ""
-    point = replace(point, s=s) if found else point
-    return InitialState(float(rates.max(initial=0.0)), state, found, _drift(point))
+    return InitialState(float(rates.max(initial=0.0)), state, found, _drift(replace(point, s=s)))
 
 
 def _drift(point: operating_point.OperatingPoint) -> float:

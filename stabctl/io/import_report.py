@@ -339,8 +339,8 @@ def checks(report: ImportReport) -> Iterator[tuple[str, str]]:
 def _violation(v: Violation) -> str:
     if not v.device:
         return f"{v.owner} is not in equilibrium at the power flow"
-    needs = f", the power flow needs {v.needed:.4g} pu" if np.isfinite(v.needed) else ""
-    return f"{v.device} of {v.owner}: {v.limit} = {v.value:g} pu{needs}"
+    needs = f", the power flow needs {v.needed:.4g}{v.suffix}" if np.isfinite(v.needed) else ""
+    return f"{v.device} of {v.owner}: {v.limit} = {v.value:g}{v.suffix}{needs}"
 
 
 def _number(value: float) -> str:

@@ -61,13 +61,15 @@ def limited(point: OperatingPoint) -> None:
                 if unit >= 0
                 else f.keys[j]
             )
+            at = f"{parameter} = {limit:g}{family.suffix(f.device.Par, parameter)}"
             raise LinearizationError(
-                f"{f.device.name} of {where} is exactly at its limit {parameter} = {limit:g} pu, where its derivative "
-                f"is discontinuous; {widen(point.case, name, unit, parameter)}, or choose another operating point."
+                f"{f.device.name} of {where} is exactly at its limit {at}, where its derivative is discontinuous; "
+                f"{widen(point.case, name, unit, parameter)}, or choose another operating point."
             )
     raise LinearizationError(
         f"The equations at {_where(point, rows[0])} are not differentiable at the operating point of "
-        f"{point.case.name}; choose another operating point."
+        f"{point.case.name}; choose another operating point. A deadband of no width with two slopes (Ddn and Dup) "
+        "bends there."
     )
 
 
@@ -135,14 +137,17 @@ def _nudges(count: int) -> np.ndarray:
 def _kept(point: OperatingPoint, k: np.ndarray | None, lim: Limits) -> np.ndarray:
     """Places of the states at a non-windup limit to which they would return: no small disturbance moves them.
 
-    So rests the integral of a controller that acts beyond a limit only.
+    So rests the integral of a controller that acts beyond a limit only. A rate that no perturbation reverses exceeds
+    the largest derivative of its equation times the perturbation.
     """
     s, per = point.s.copy(), point.s[lim.scale]
     low, high = lim.low * per, lim.high * per
     s[lim.state] = np.clip(s[lim.state], low + NUDGE, high - NUDGE)
-    rate = point.equations.entries(s, k)[1][lim.state]
-    x = point.s[lim.state]
-    return lim.state[((x >= high) & (rate > JUMP)) | ((x <= low) & (rate < -JUMP))]
+    slopes, values = point.equations.entries(s, k)
+    slope = np.zeros(point.equations.pattern.total)
+    np.maximum.at(slope, point.equations.rows, np.abs(slopes))
+    rate, least, x = values[lim.state], SMOOTH * slope[lim.state], point.s[lim.state]
+    return lim.state[((x >= high) & (rate > least)) | ((x <= low) & (rate < -least))]
 
 
 def _replaced(point: OperatingPoint, changed: tuple[str, np.ndarray]) -> list[Family]:
@@ -160,10 +165,10 @@ def _unit(point: OperatingPoint, row: int) -> int:
 
 
 def _where(point: OperatingPoint, row: int) -> str:
-    unit = _unit(point, row)
+    unit, lay = _unit(point, row), point.layout
     if unit >= 0:
-        return f"machine {point.case.machines[unit].called}"
-    lay = point.layout
+        state = f", {lay.states[row].label}," if row < lay.nx else ""
+        return f"machine {point.case.machines[unit].called}{state}"
     at = (row - lay.nx - lay.outputs) // 2
     bus = point.equations.injecting[at] if row >= lay.nx + lay.outputs else 0
     return f"bus {point.case.buses[(bus - lay.nx) // 2].bus}"
@@ -175,6 +180,5 @@ def _limits(point: OperatingPoint, unit: int) -> list[tuple[str, int, int]]:
         (f.name, int(j), c)
         for f in point.system.families
         for j in np.flatnonzero(f.w[:, family.UNIT] == unit)
-        for c, name in enumerate(f.device.Par._fields)
-        if family.side(f.device, name)
+        for c, _, _ in family.given_limits(f.device)
     ]

@@ -4,11 +4,18 @@ import numpy as np
 import pytest
 from block_diagram import distance, evaluate, feedback, motion, one, opened, response, rest, s
 from records import csvgn1, dera1, reec_b, reec_c, repc_a, wtdt_a
+from systems import DER, PLANT, REEC, REGC, small
 
 from stabctl import devices
+from stabctl._util.errors import EquilibriumError, LinearizationError
 from stabctl._util.schema import fields
 from stabctl.devices.blocks import lookup
 from stabctl.devices.converters.electrical import NO_LIMIT, rising
+from stabctl.dynamics import operating_point
+from stabctl.io.psse import dyr
+from stabctl.simulation import simulation
+from stabctl.simulation.events import LoadStep
+from stabctl.smallsignal import linearize
 
 P, Q = 0.7, 0.2
 AT = {"vt": 1.0, "V": 1.0, "f": 1.0, "P": P, "Q": Q, "fset": 1.0, "wg": 1.0, "Paux": 0.0}
@@ -293,9 +300,8 @@ def test_records_of_what_is_not_modeled_are_refused_or_told():
     ],
 )
 def test_a_limit_of_distributed_generation_is_reached_and_left(given, signal, change, state, high, low):
-    p = dera1.Par(mva=1.0, V0=1.0, bus=0.0, running=0.0, dPmax=9.0, dPmin=-9.0)._replace(**given)
+    p = dera1.Par(mva=1.0, V0=1.0, bus=0.0, dPmax=9.0, dPmin=-9.0)._replace(**given)
     x, u = rest(dera1, opened(dera1, p), {"f": 1.0}, {"P": P, "Q": Q})
-    p = dera1.automatic(p)
     rates, _ = evaluate(dera1, p, x, u)
     assert np.abs(rates).max() < 1e-8
     out = motion(dera1, p, x, lambda t: u | {signal: u[signal] + (change if t < 2 else -change)}, 4.0)
@@ -303,6 +309,94 @@ def test_a_limit_of_distributed_generation_is_reached_and_left(given, signal, ch
     assert y[t < 2].max() == pytest.approx(high, abs=2e-3)
     assert y.min() == pytest.approx(low, abs=2e-3)
     assert y[(t > 2) & (t < 2.3)].min() < high - 0.01
+
+
+@pytest.mark.parametrize(("load", "droop", "edge"), [(-100.0, 20.0, 6e-4), (100.0, 8.0, -4e-4)])
+@pytest.mark.parametrize("gains", [{}, {"Kpg": 0.5, "Kig": 2.0}])
+def test_the_frequency_control_of_distributed_generation_is_a_droop(load, droop, edge, gains):
+    """After a load step dP, P = P0 - R (f - 1 - edge), and D (f - 1) of the machine takes the rest but for losses."""
+    der = dera1.Par(0, 0, 0, Ddn=20.0, Dup=8.0, fdbd1=-6e-4, fdbd2=4e-4)._replace(**gains)
+    point = operating_point.solve(small({"dera1": der}, p=200.0))
+    run = simulation.run(point, [LoadStep(2, 0.5, p=load)], until=60.0)
+    f, P = run.arrays.speed[-1, 0] - 1, run.rows[-1, point.layout.signals[0, "P"]]
+    assert P - 0.5 == pytest.approx(-droop * (f - edge), abs=1e-7)  # measured 2e-9
+    assert np.ptp(run.arrays.speed[run.time > 50.0]) < 1e-8
+    D, R = 2.0 * 4000.0, droop * 400.0  # MW/pu of the machine and of the generation
+    assert f == pytest.approx((-load + R * edge) / (D + R), rel=0.02)  # measured 0.013
+
+
+def after_a_load_step(models, p):
+    """The operating point, and all bus voltages after 20 MW more of load."""
+    point = operating_point.solve(small(models, p=p))
+    assert np.abs(point.equations.at(point.s.copy()).rates).max() < 1e-10
+    return point, simulation.run(point, [LoadStep(2, 0.1, p=20.0)], until=2.0).arrays.V
+
+
+@pytest.mark.parametrize("control", [REEC, REEC._replace(QFlag=1), DER], ids=["QFlag 0", "QFlag 1", "DER_A"])
+def test_without_power_at_the_start_reactive_power_is_held_instead_of_its_ratio(control):
+    """Q/P is not defined at P = 0."""
+    table, converter = ("reec_b", {"regc_a": REGC}) if isinstance(control, reec_b.Par) else ("dera1", {})
+    (_, ordered), (point, held) = (
+        after_a_load_step(converter | {table: control._replace(Pmin=-0.1, PfFlag=flag)}, 0.0) for flag in (0, 1)
+    )
+    assert np.abs(held - ordered).max() < 1e-12  # measured 0
+    assert abs(point.s[point.layout.setpoint(0, "pfref")]) < 10
+
+
+@pytest.mark.parametrize("RefFlag", [0, 1])
+def test_a_reference_that_nothing_reads_rests_within_its_limits(RefFlag):
+    """With PfFlag = 1, REEC does not read Qext of REPC: Q of the unit, or the nearest limit."""
+    plant = PLANT._replace(RefFlag=RefFlag)
+    control = {"regc_a": REGC, "reec_b": REEC._replace(PfFlag=1)}
+    _, alone = after_a_load_step(control, 300.0)
+    for given in ({}, {"Qmax": 0.01, "Qmin": 0.0}):
+        point, V = after_a_load_step(control | {"repc_a": plant._replace(FFlag=0, **given)}, 300.0)
+        assert np.abs(V - alone).max() < 1e-12  # measured 5e-14
+        f = point.system.family("repc_a")
+        Q = point.s[point.layout.signals[0, "Q"]]
+        rests = np.clip(Q, given.get("Qmin", Q), given.get("Qmax", Q))
+        assert point.s[f.w[0, 0] + repc_a.State._fields.index("xq")] == pytest.approx(rests, abs=1e-12)
+
+
+@pytest.mark.parametrize("flags", [{}, {"QFlag": 1}])
+def test_a_start_below_the_dip_voltage_is_one_at_rest(flags):
+    after_a_load_step({"regc_a": REGC, "reec_b": REEC._replace(Vdip=1.05, **flags)}, 300.0)
+
+
+def test_a_regulator_without_gains_keeps_its_output():
+    """Without Kqp and Kqi the voltage reference is constant, as with VFlag = 0; without Kp and Ki of REPC Qext is."""
+    control = {"regc_a": REGC, "reec_b": REEC._replace(QFlag=1, Kqp=0.0, Kqi=0.0, VFlag=1)}
+    _, none = after_a_load_step(control, 300.0)
+    _, constant = after_a_load_step(control | {"reec_b": REEC._replace(QFlag=1, VFlag=0)}, 300.0)
+    assert np.abs(none - constant).max() < 1e-12  # measured 1e-15
+    without = {"repc_a": PLANT._replace(Kp=0.0, Ki=0.0, Kpg=0.0, Kig=0.0)}
+    _, none = after_a_load_step({"regc_a": REGC, "reec_b": REEC} | without, 300.0)
+    _, constant = after_a_load_step({"regc_a": REGC, "reec_b": REEC}, 300.0)
+    assert np.abs(none - constant).max() < 1e-12  # measured 1e-15
+
+
+def test_a_converter_without_an_equilibrium_is_told_what_to_check():
+    """REEC_B takes no power."""
+    with pytest.raises(EquilibriumError, match="; check its dispatch, and the flags, gains and current curves of its"):
+        operating_point.solve(small({"regc_a": REGC, "reec_b": REEC._replace(Pmin=-1.0)}, p=-50.0))
+
+
+def test_a_droop_with_two_slopes_and_no_deadband_is_named_where_it_bends():
+    models = {"regc_a": REGC, "reec_b": REEC, "repc_a": PLANT._replace(Dup=0.0)}
+    with pytest.raises(
+        LinearizationError, match=r"machine 1, .*REPC_A 1, are not differ.* \(Ddn and Dup\) bends there"
+    ):
+        linearize(operating_point.solve(small(models)))
+    assert len(linearize(operating_point.solve(small(models | {"repc_a": PLANT}))).states)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"), [({"dPmax": 0.5}, 1), ({"Vdip": 0.8}, 1), ({}, 0), ({"Tpord": 0.02, "dPmax": 0.5}, 0)]
+)
+def test_an_order_without_a_lag_has_no_rate_limit_and_the_import_says_so(given, told):
+    """The block of Tpord is bypassed below 1 ms, as any lag, and with it what acts on its state."""
+    said = list(dyr._short_lags(REEC._replace(**({"Tpord": 0.0} | given)), "electrical control"))
+    assert said == told * ["Tpord = 0 s: no lag of the power order, so dPmin, dPmax and Vdip do not hold it."]
 
 
 def test_trips_of_distributed_generation_are_refused():

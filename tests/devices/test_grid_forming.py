@@ -7,7 +7,7 @@ import pytest
 from block_diagram import distance, evaluate, feedback, one, opened, response, s, slopes
 from recorded import signal, state
 from records import regfm_a1
-from systems import FORMING, small
+from systems import FORMING, VIRTUAL, small
 
 import stabctl as st
 from stabctl._util.errors import EquilibriumError, StudyError
@@ -187,6 +187,12 @@ def test_a_step_of_its_reference_is_that_of_the_swing_equation():
     assert sorted(swing, key=np.imag) == pytest.approx(
         sorted(np.roots([2 * H, 1 / p.mp, wb * slope]), key=np.imag), rel=1e-9
     )
+
+
+def test_a_power_beyond_its_current_is_told_with_a_column_of_its_table():
+    """Not with the largest angle, which follows from ImaxSS."""
+    with pytest.raises(EquilibriumError, match=r"ImaxSS = 0\.7 pu is .*; widen ImaxSS in regfm_b1\.csv \(--set"):
+        operating_point.solve(small({"regfm_b1": VIRTUAL._replace(ImaxSS=0.7)}, p=380.0))
 
 
 def test_its_modes_are_those_of_the_motion_after_a_step():

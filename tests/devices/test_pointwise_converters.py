@@ -25,7 +25,7 @@ def dera1(p, x, u, V):
         iq = held(iq, -p.Imax, p.Imax)
         ip = held(ip, 0 if p.GenFlag else -left(p.Imax, iq), left(p.Imax, iq))
     slow = outside(1 - x.ff, p.fdbd1, p.fdbd2)
-    e = held(u.Pref - x.pf + (p.Ddn if slow < 0 else p.Dup) * slow, p.femin, p.femax)
+    e = held(u.Pref - x.pm + (p.Ddn if slow < 0 else p.Dup) * slow, p.femin, p.femax)
     order, xp = pi(p.Kpg, p.Kig, e, x.xp, p.Pmin, p.Pmax)
     share = min(vt / p.vlow, 1)
     return {
@@ -34,6 +34,7 @@ def dera1(p, x, u, V):
         "vt": vt,
         "vm": (vt - x.vm) / p.Trv,
         "pf": (u.Pref - x.pf) / p.Tp,
+        "pm": (vt * share * x.ip - x.pm) / p.Tp,
         "ff": (u.f - x.ff) / p.Trf,
         "qv": (q / vm - x.qv) / p.Tiq,
         "xp": xp if p.FreqFlag else 0.0,
@@ -333,7 +334,7 @@ FORMING = {"mva": (0.3, 3.0), "wb": (314, 377), "XL": (0.1, 0.4), "ImaxF": (0.5,
 RATES = {"mva": (0.3, 3.0), "Iqrmin": (-9, -3), "Iqrmax": (3, 6), "Rrpwr": (1.0, 5.0), "Imax": (0.4, 1.2)}
 FRAME = {"x.theta_pll": (-3, 3), "wb": (314.0, 377.0), "kip": (0.1, 2.0), "x.xp": (-1, 1), "x.xq": (-1, 1)}
 MODELS = {
-    "dera1": (dera1, SETTINGS | FREQUENCY | {"mva": (0.3, 3), "running": (1, 1), "rrpwr": (0.5, 4.0)}),
+    "dera1": (dera1, SETTINGS | FREQUENCY | {"mva": (0.3, 3), "rrpwr": (0.5, 4.0)}),
     "csvgn1": (csvgn1, {"mva": (0.3, 3), "base": (80, 200), "Cbase": (50, 90), "Rmin": (5, 20), "K": (1, 5)}),
     "reec_a": (electrical, SETTINGS | CURVE | {"Vref1": (-0.4, 0.4)}),
     "reec_b": (electrical, SETTINGS),

@@ -10,6 +10,8 @@ from systems import (
     KINDS,
     LIBRARY,
     PSS,
+    REEC,
+    REGC,
     ROUND,
     SEXS,
     STEAM,
@@ -130,6 +132,30 @@ def test_a_limit_beyond_which_the_start_lies_is_named_with_device_and_machine(mo
     start = f"{devices.every()[model].name} of machine 1 at bus 1 cannot be initialized: {limit} = {figure:g} pu"
     assert str(caught.value).startswith(start)
     assert f"widen {limit} in {model}.csv (--set {model}.1.{limit}=...)" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("models", "model", "limit", "state"),
+    [
+        ({"genrou": ROUND, "tgov": STEAM}, "tgov", "Pmax", "servo"),
+        ({"genrou": ROUND, "tgov": STEAM}, "tgov", "Pmin", "servo"),
+        ({"regc_a": REGC, "reec_b": REEC}, "reec_b", "Pmax", "pord"),
+    ],
+)
+def test_a_start_at_its_limit_within_the_accuracy_of_the_solution_is_one(models, model, limit, state):
+    """Solved states differ from the limit by up to 1e-10 pu; the start lies on the limit, and nothing moves."""
+    case = small(models)
+    free = operating_point.solve(case)
+    f = free.system.family(model)
+    needed = float(free.s[f.w[0, 0] + f.device.State._fields.index(state)])
+    beyond = 1 if limit == "Pmin" else -1
+    at = operating_point.solve(case.set(f"{model}.1.{limit}", needed + 1e-10 * beyond))
+    lim = at.system.limits
+    assert (at.s[lim.state] <= lim.high * at.s[lim.scale]).all()
+    assert (at.s[lim.state] >= lim.low * at.s[lim.scale]).all()
+    assert np.abs(rates(at)[0]).max() < 1e-8  # 1/s
+    with pytest.raises(EquilibriumError, match=f"{limit} = "):
+        operating_point.solve(case.set(f"{model}.1.{limit}", needed + 1e-6 * beyond))
 
 
 def test_a_bypassed_block_has_no_state_that_could_lie_beyond_a_limit():

@@ -7,7 +7,7 @@ import pytest
 from scipy.io import loadmat
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse.linalg import splu
-from systems import doubled, each, kind, small
+from systems import FORMING, doubled, each, kind, small
 
 from stabctl import io
 from stabctl._util.errors import LinearizationError, StudyError
@@ -173,6 +173,21 @@ def test_a_limit_near_by_does_no_harm(point):
     p = point("two_area")
     near = linearize(operating_point.solve(_with(p.case, "pss", 2, Vmax=1e-5)))
     assert np.abs(near.A - linearize(p).A).max() < 1e-9  # 0
+
+
+@pytest.mark.parametrize("kip", [0.0, 1e-3, 0.1, 10.0])
+def test_a_limit_that_is_not_reached_changes_no_eigenvalue_however_slow_its_controller(kip):
+    forming = FORMING._replace(kip=kip)
+    wanted = eigenvalues(small({"regfm_a1": forming._replace(Pmax=2.0)}, p=200.0))
+    for above in (1e-2, 1e-4, 1e-6):
+        found = eigenvalues(small({"regfm_a1": forming._replace(Pmax=0.5 + above)}, p=200.0))
+        assert np.abs(found - wanted).max() < 1e-9  # measured 0
+    with pytest.raises(LinearizationError, match="REGFM_A1 of machine 1 at bus 1 is exactly at its limit Pmax"):
+        eigenvalues(small({"regfm_a1": forming._replace(Pmax=0.5)}, p=200.0))
+
+
+def eigenvalues(case):
+    return np.sort_complex(np.linalg.eigvals(linearize(case).A))
 
 
 def test_a_full_store_is_refused(point):

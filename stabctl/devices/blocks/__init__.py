@@ -44,6 +44,7 @@ from .limits import (
     non_windup,
     pi,
     rate_limit,
+    regulated,
     two_slopes,
     while_within,
 )
@@ -83,6 +84,7 @@ __all__ = [
     "quadratic",
     "rate_limit",
     "rectified",
+    "regulated",
     "regulation",
     "second_order",
     "shortened",

@@ -106,6 +106,12 @@ def integral(KI, x):
 
 
 @inline
+def regulated(KP, KI, x):
+    """State x of a PI regulator, 0 where KP acts alone; without any gain the output stays what it was at the start."""
+    return x if KI > 0 or KP <= 0 else 0 * x
+
+
+@inline
 def pi(KP, KI, error, x, low, high):
     """error -> [ KP + KI/s ], limited -> y, state x (the integral), which stops while y is driven beyond a limit.
 

@@ -1,6 +1,6 @@
 """DER_A: aggregated distributed generation, a current source with its controls.
 
-FreqFlag = 1: Pref - Pref/(1+sTp) + droop(1 - f/(1+sTrf)) -> femin..femax -> [Kpg + Kig/s], Pmin..Pmax; 0: Pref
+FreqFlag = 1: Pref - P/(1+sTp) + droop(1 - f/(1+sTrf)) -> femin..femax -> [Kpg + Kig/s], Pmin..Pmax; 0: Pref
     -> [1/(1+sTpord)], rate dPmin..dPmax, Pmin..Pmax -> /vm -> Ipmin..Ipmax -> [1/(1+sTg)], rise <= rrpwr -> Ip
 Qref, or tan(pf) Pref/(1+sTp) with PfFlag = 1 -> /vm -> [1/(1+sTiq)] -> (+) -> -Iqmax..Iqmax -> [1/(1+sTg)] -> Iq
 (Vref0 - vm) outside dbd1..dbd2 -> x Kqv -> Iqmin..Iqmax of Kqv ---> (+)
@@ -8,7 +8,7 @@ Qref, or tan(pf) Pref/(1+sTp) with PfFlag = 1 -> /vm -> [1/(1+sTiq)] -> (+) -> -
 P + jQ = vt (Ip + j Iq), vm = vt/(1+sTrv). droop(e) is Ddn e for e < 0, Dup e for e > 0, and zero within fdbd1..fdbd2.
 The reactive current has priority, with PqFlag = 1 the active one; Ipmin is 0, with GenFlag = 0 (storage) -Ipmax. Below
 vlow the currents fall with the voltage. The trips by voltage and frequency are not represented, and refused.
-As the trajectories of PSS/E show, the power measured by the controls is the filtered reference.
+As the trajectories of PSS/E show, the power of the power factor is the filtered reference.
 Source: EPRI, The New Aggregated Distributed Energy Resources (der_a) Model for Transmission Planning Studies (2019);
 PSS/E Model Library, DERA1; NREL-Sienna/PowerSimulationsDynamics.jl, AggregateDistributedGenerationA.
 """
@@ -26,17 +26,17 @@ from stabctl.devices.blocks import (
     at_most,
     clip,
     deadband,
-    integral,
     lag,
     lag_rate,
     magnitude,
     pi,
     rate_limit,
+    regulated,
     two_slopes,
 )
 from stabctl.devices.ports import PORT, At
 
-from .electrical import FLAG, prioritized
+from .electrical import FLAG, prepare, prioritized
 
 NAME = "DER_A"
 ROLE = "converter"
@@ -46,7 +46,7 @@ DEADBANDS = ("fdbd1", "fdbd2")
 LOOPS = {
     "voltage control": ("vm",),
     "reactive power control": ("qv", "iq"),
-    "power control": ("pf", "ff", "xp", "pord", "ip"),
+    "power control": ("pf", "pm", "ff", "xp", "pord", "ip"),
 }
 DYR = {
     "DERA1": "+PfFlag +FreqFlag +PqFlag +GenFlag +VtripFlag +FtripFlag Trv Trf dbd1 dbd2 Kqv Vref0 Tp Tiq Ddn "
@@ -57,13 +57,16 @@ DYR = {
 }
 
 
+__all__ = ["prepare"]
+
+
 class Par(NamedTuple):
     """Parameters of the generation, on its own MVA."""
 
     mva: Annotated[float, "-", "MVA over system MVA", FROM_CASE]
     V0: Annotated[float, "pu", "voltage of the power flow", FROM_CASE]
     bus: Annotated[float, "-", "its own bus", FROM_CASE]
-    running: Annotated[float, "-", "whether it has started; before, the integral follows the reference", FROM_CASE]
+    P0: Annotated[float, "pu", "power of the start", FROM_CASE] = 1.0
     PfFlag: Annotated[float, "-", "reactive power (1: of a power factor, 0: as ordered)", FLAG] = 1
     FreqFlag: Annotated[float, "-", "power control (1: on, 0: off)", FLAG] = 1
     PqFlag: Annotated[float, "-", "priority (1: active, 0: reactive current)", FLAG] = 0
@@ -102,6 +105,7 @@ class State(NamedTuple):
 
     vm: Annotated[float, "pu", "filtered terminal voltage"]
     pf: Annotated[float, "pu", "filtered power reference"]
+    pm: Annotated[float, "pu", "filtered power"]
     ff: Annotated[float, "pu", "filtered frequency"]
     qv: Annotated[float, "pu", "lagged reactive current order"]
     xp: Annotated[float, "pu", "integral of the power error"]
@@ -155,12 +159,13 @@ def derivatives(x, u, y, p):
     """State derivatives (1/s); y is its own output."""
     vm, d_vm = lag(p.Trv, y.vt, x.vm)
     pf, d_pf = lag(p.Tp, u.Pref, x.pf)
+    pm, d_pm = lag(p.Tp, y.P, x.pm)
     divisor = at_least(vm, 0.01)
 
     ff, d_ff = lag(p.Trf, u.f, x.ff)
     droop = two_slopes(deadband(1 - ff, p.fdbd1, p.fdbd2), p.Ddn, p.Dup)
-    error = clip(u.Pref - pf + droop, p.femin, p.femax)
-    held, d_xp = pi(p.Kpg, p.Kig, error, integral(p.Kig, x.xp), p.Pmin, p.Pmax)
+    error = clip(u.Pref - pm + droop, p.femin, p.femax)
+    held, d_xp = pi(p.Kpg, p.Kig, error, regulated(p.Kpg, p.Kig, x.xp), p.Pmin, p.Pmax)
     order = held if p.FreqFlag > 0.5 else u.Pref
     on = 1.0 if p.FreqFlag > 0.5 else 0.0
     d_pord = rate_limit(lag_rate(p.Tpord, order, x.pord), p.dPmin, p.dPmax)
@@ -172,18 +177,14 @@ def derivatives(x, u, y, p):
     return State(
         vm=d_vm,
         pf=d_pf,
+        pm=d_pm,
         ff=d_ff,
         qv=d_qv,
-        xp=on * (d_xp if p.running > 0.5 else x.pf - x.xp),
+        xp=on * d_xp,
         pord=d_pord,
         ip=at_most(lag_rate(p.Tg, ip, x.ip), p.rrpwr),
         iq=lag_rate(p.Tg, iq, x.iq),
     )
-
-
-def automatic(p: Par) -> Par:
-    """Parameters after the start."""
-    return p._replace(running=1.0)
 
 
 def guess(V: complex, I: complex, p: Par) -> State:
@@ -191,4 +192,4 @@ def guess(V: complex, I: complex, p: Par) -> State:
     lead = np.angle(I) - np.angle(V)
     ip, iq = float(abs(I) * np.cos(lead)), float(-abs(I) * np.sin(lead))
     P = ip * abs(V)
-    return State(abs(V), P, 1.0, iq, P, P, ip, iq)
+    return State(abs(V), P, P, 1.0, iq, P, P, ip, iq)

@@ -7,7 +7,8 @@
     Ipcmd = Pord/vf between Ipmin and Ipmax; Pord = Pref/(1+sTpord), rate dPmin..dPmax, between Pmin and Pmax
 
 vf is the filtered terminal voltage vt/(1+sTrv), at least 0.01 as a divisor. While vt is below Vdip or above Vup, the
-integrals, Iq/(1+sTiq) and Pord stay as they are.
+integrals, Iq/(1+sTiq) and Pord stay as they are. A regulator without gains keeps its output. A unit without active
+power at the start has no power factor: PfFlag is 0 there.
 Source: WECC Renewable Energy Modeling Task Force, WECC Solar Plant Dynamic Modeling Guidelines (2014), and WECC Battery
 Storage Dynamic Modeling Guideline (2016); NREL-Sienna/PowerSimulationsDynamics.jl, outer and inner control type B.
 """
@@ -23,7 +24,6 @@ from stabctl.devices.blocks import (
     at_most,
     clip,
     deadband,
-    integral,
     lag,
     lag_rate,
     lookup,
@@ -31,6 +31,7 @@ from stabctl.devices.blocks import (
     magnitude,
     pi,
     rate_limit,
+    regulated,
     while_within,
 )
 from stabctl.devices.ports import PORT
@@ -41,6 +42,7 @@ LOOPS = {
     "reactive power control": ("vq", "iq", "pf"),
     "power order": ("pord",),
 }
+NO_POWER = 1e-6  # pu   below which Q/P is not defined
 NO_LIMIT = 99.0  # pu   of a curve without points
 
 
@@ -133,7 +135,7 @@ def commands(x, u, p, own):
     pf, d_pf = lag(p.Tp, u.P, x.pf)
     given = u.pfref * pf if p.PfFlag > 0.5 else u.Qext
     q = clip(given, p.Qmin, p.Qmax)
-    from_q, d_vq = pi(p.Kqp, p.Kqi, q - u.Q, integral(p.Kqi, x.vq), p.Vmin, p.Vmax)
+    from_q, d_vq = pi(p.Kqp, p.Kqi, q - u.Q, regulated(p.Kqp, p.Kqi, x.vq), p.Vmin, p.Vmax)
     vref = from_q if p.VFlag > 0.5 else clip(given + own.bias, p.Vmin, p.Vmax)
 
     pord, _ = lag(p.Tpord, clip(own.pref, p.Pmin, p.Pmax), x.pord)
@@ -144,7 +146,7 @@ def commands(x, u, p, own):
         most_q = low_value(most_q, root(p.Imax, ip))
 
     inner = p.QFlag > 0.5
-    from_v, d_iv = pi(p.Kvp, p.Kvi, vref - own.vc, integral(p.Kvi, x.iv), -most_q, most_q)
+    from_v, d_iv = pi(p.Kvp, p.Kvi, vref - own.vc, regulated(p.Kvp, p.Kvi, x.iv), -most_q, most_q)
     lagged, d_iq = lag(p.Tiq, q / divisor, x.iq)
     error = (p.Vref0 if p.Vref0 > 0 else p.V0) - vf
     injected = clip(p.Kqv * deadband(error, p.dbd1, p.dbd2), p.Iqvmin, p.Iqvmax)
@@ -160,6 +162,17 @@ def commands(x, u, p, own):
     return ip, iq, State(vm=d_vm, pf=d_pf, vq=d_vq, iv=d_iv, iq=d_iq, pord=d_pord)
 
 
+def prepare(p: Any) -> Any:
+    """Parameters with curves that ascend; without power at the start, Q is held as ordered: Q/P is not defined."""
+    return rising(p._replace(PfFlag=0) if abs(p.P0) < NO_POWER else p)
+
+
+def guess(V: complex, I: complex) -> State:
+    """States of the power flow."""
+    S = V * I.conjugate()
+    return State(abs(V), S.real, abs(V), S.imag / abs(V), S.imag / abs(V), S.real)
+
+
 def rising(p: Any) -> Any:
     """Parameters whose curves have ascending voltages, and no limit where every point is zero.
 
@@ -167,6 +180,8 @@ def rising(p: Any) -> Any:
     """
     for v, i in (("Vq", "Iq"), ("Vp", "Ip")):
         count = sum(name[:2] == v and name[2:].isdecimal() for name in p._fields)
+        if not count:
+            continue
         given = [(getattr(p, f"{v}{k}"), getattr(p, f"{i}{k}")) for k in range(1, count + 1)]
         while len(given) > 1 and given[-1] == (0.0, 0.0):
             given.pop()

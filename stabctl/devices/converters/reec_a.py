@@ -21,7 +21,7 @@ from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import lag
 from stabctl.devices.ports import PORT, fixed
 
-from .electrical import FLAG, LOOPS, Output, Own, State, commands, curves, local, rising
+from .electrical import FLAG, LOOPS, Output, Own, State, commands, curves, guess, local, prepare
 
 NAME = "REEC_A"
 ROLE = "electrical control"
@@ -32,13 +32,14 @@ DYR = {
     "Tp Qmax Qmin Vmax Vmin Kqp Kqi Kvp Kvi Vref1 Tiq dPmax dPmin Pmax Pmin Imax Tpord Vq1 Iq1 Vq2 Iq2 Vq3 Iq3 Vq4 Iq4 "
     "Vp1 Ip1 Vp2 Ip2 Vp3 Ip3 Vp4 Ip4"
 }
-__all__ = ["LOOPS", "Output", "State"]
+__all__ = ["LOOPS", "Output", "State", "guess", "prepare"]
 
 
 class Par(NamedTuple):
     """Parameters of one electrical control, on the converter base."""
 
     V0: Annotated[float, "pu", "voltage of the power flow", FROM_CASE]
+    P0: Annotated[float, "pu", "power of the start", FROM_CASE] = 1.0
     PfFlag: Annotated[float, "-", "reactive power (1: of a power factor, 0: as ordered)", FLAG] = 0
     VFlag: Annotated[float, "-", "voltage reference (1: from reactive power, 0: as ordered)", FLAG] = 1
     QFlag: Annotated[float, "-", "reactive current (1: from voltage, 0: from reactive power)", FLAG] = 0
@@ -106,11 +107,6 @@ def from_record(_kind: str, values: dict[str, Any]) -> tuple[dict[str, Any], lis
         if values[name]:
             raise ValueError(f"{name} = {values[name]:g} is not modeled")
     return local(values), []
-
-
-def prepare(p: Par) -> Par:
-    """Parameters with curves that ascend."""
-    return rising(p)
 
 
 @inline

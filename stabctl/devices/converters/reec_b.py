@@ -18,7 +18,7 @@ from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import lag
 
-from .electrical import FLAG, LOOPS, Input, Output, Own, State, commands, local
+from .electrical import FLAG, LOOPS, Input, Output, Own, State, commands, guess, local, prepare
 
 NAME = "REEC_B"
 ROLE = "electrical control"
@@ -27,13 +27,14 @@ DYR = {
     "REECB1": "+bus +PfFlag +VFlag +QFlag +PqFlag Vdip Vup Trv dbd1 dbd2 Kqv Iqvmax Iqvmin Vref0 Tp Qmax Qmin Vmax "
     "Vmin Kqp Kqi Kvp Kvi Tiq dPmax dPmin Pmax Pmin Imax Tpord"
 }
-__all__ = ["LOOPS", "Input", "Output", "State"]
+__all__ = ["LOOPS", "Input", "Output", "State", "guess", "prepare"]
 
 
 class Par(NamedTuple):
     """Parameters of one electrical control, on the converter base."""
 
     V0: Annotated[float, "pu", "voltage of the power flow", FROM_CASE]
+    P0: Annotated[float, "pu", "power of the start", FROM_CASE] = 1.0
     PfFlag: Annotated[float, "-", "reactive power (1: of a power factor, 0: as ordered)", FLAG] = 0
     VFlag: Annotated[float, "-", "voltage reference (1: from reactive power, 0: as ordered)", FLAG] = 1
     QFlag: Annotated[float, "-", "reactive current (1: from voltage, 0: from reactive power)", FLAG] = 0

@@ -21,7 +21,8 @@ from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE, SHARE
 from stabctl.devices.blocks import available, lag
 
-from .electrical import FLAG, LOOPS, Input, Output, Own, commands, curves, local, rising
+from . import electrical
+from .electrical import FLAG, LOOPS, Input, Output, Own, commands, curves, local, prepare
 
 NAME = "REEC_C"
 ROLE = "electrical control"
@@ -33,7 +34,7 @@ DYR = {
     "Kqp Kqi Kvp Kvi Tiq dPmax dPmin Pmax Pmin Imax Tpord Vq1 Iq1 Vq2 Iq2 Vq3 Iq3 Vq4 Iq4 Vp1 Ip1 Vp2 Ip2 Vp3 Ip3 Vp4 "
     "Ip4 T SOCini SOCmax SOCmin"
 }
-__all__ = ["LOOPS", "Input", "Output"]
+__all__ = ["LOOPS", "Input", "Output", "prepare"]
 
 
 class Par(NamedTuple):
@@ -110,19 +111,14 @@ def from_record(_kind: str, values: dict[str, Any]) -> tuple[dict[str, Any], lis
     return local(values), []
 
 
-def prepare(p: Par) -> Par:
-    """Parameters with curves that ascend."""
-    return rising(p)
-
-
 def automatic(p: Par, u: Input) -> Par:
     """Parameters with the power of the start."""
     return p._replace(P0=float(u.P), running=1.0)
 
 
-def guess(p: Par) -> State:
-    """States to start from, with the initial charge."""
-    return State(1.0, 0.5, 1.0, 0.0, 0.0, 0.5, p.SOCini)
+def guess(V: complex, I: complex, p: Par) -> State:
+    """States of the power flow, with the initial charge."""
+    return State(*electrical.guess(V, I), p.SOCini)
 
 
 @inline

@@ -24,7 +24,8 @@ from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE, SHARE
 from stabctl.devices.blocks import lag, lookup, while_within
 from stabctl.devices.ports import PORT, fixed
 
-from .electrical import FLAG, LOOPS, Output, Own, behind, commands, rising
+from . import electrical
+from .electrical import FLAG, LOOPS, Output, Own, behind, commands, prepare
 
 NAME = "REEC_D"
 ROLE = "electrical control"
@@ -36,13 +37,14 @@ _CONSTANTS = (
     "Ip6 Vp7 Ip7 Vp8 Ip8 Vp9 Ip9 Vp10 Ip10 Rc Xc Tr1 Kc Ke Vblkl Vblkh Tblk"
 )
 DYR = {"REECD": _CONSTANTS, "REECD1": _CONSTANTS, "REECDU1": _CONSTANTS}
-__all__ = ["LOOPS", "Output"]
+__all__ = ["LOOPS", "Output", "prepare"]
 
 
 class Par(NamedTuple):
     """Parameters of one electrical control, on the converter base."""
 
     V0: Annotated[float, "pu", "voltage of the power flow", FROM_CASE]
+    P0: Annotated[float, "pu", "power of the start", FROM_CASE] = 1.0
     PfFlag: Annotated[float, "-", "reactive power (1: of a power factor, 0: as ordered)", FLAG] = 0
     VFlag: Annotated[float, "-", "voltage reference (1: from reactive power, 0: as ordered)", FLAG] = 1
     QFlag: Annotated[float, "-", "reactive current (1: from voltage, 0: from reactive power)", FLAG] = 0
@@ -157,11 +159,6 @@ def from_record(_kind: str, values: dict[str, Any]) -> tuple[dict[str, Any], lis
     return values, []
 
 
-def prepare(p: Par) -> Par:
-    """Parameters with curves that ascend."""
-    return rising(p)
-
-
 @inline
 def curves(vf, u, p):
     """Limits of the active and of the reactive current (pu) by the curves, 0 while the converter is blocked."""
@@ -186,3 +183,8 @@ def equations(x, u, p):
     pref = u.Pref * u.wg if p.PFlag > 0.5 else u.Pref
     ip, iq, d = commands(x, u, p, Own(pref, u.Paux, vc, p.Vbias, -p.Ke, 1.0, *curves(vf, u, p)))
     return Output(ip, iq), State(vm=d.vm, pf=d.pf, vq=d.vq, iv=d.iv, iq=d.iq, pord=d.pord, vc=d_vc)
+
+
+def guess(V: complex, I: complex) -> State:
+    """States of the power flow."""
+    return State(*electrical.guess(V, I), abs(V))

@@ -19,10 +19,10 @@ from stabctl._util.schema import NOT_NEGATIVE
 from stabctl.devices.blocks import (
     clip,
     deadband,
-    integral,
     lag,
     lead_lag,
     pi,
+    regulated,
     two_slopes,
     while_within,
 )
@@ -135,17 +135,24 @@ def equations(x, u, p):
     """References (pu), and state derivatives (1/s); the active regulator rests where it is off."""
     meas, d_meas = lag(p.Tfltr, measured(u, p), x.meas)
     error = clip(deadband((u.Vset if p.RefFlag > 0.5 else u.Qset) - meas, p.dbd1, p.dbd2), p.emin, p.emax)
-    q, d_xq = pi(p.Kp, p.Ki, error, integral(p.Ki, x.xq), p.Qmin, p.Qmax)
+    q, d_xq = pi(p.Kp, p.Ki, error, regulated(p.Kp, p.Ki, x.xq), p.Qmin, p.Qmax)
     Qext, d_xf = lead_lag(p.Tft, p.Tfv, q, x.xf)
 
     on = 1.0 if p.FFlag > 0.5 else 0.0
     pf, d_pf = lag(p.Tp, u.P, x.pf)
     droop = two_slopes(deadband(u.fset - u.f, p.fdbd1, p.fdbd2), p.Ddn, p.Dup)
     error = clip(u.Pset - pf + droop, p.femin, p.femax)
-    power, d_xp = pi(p.Kpg, p.Kig, error, integral(p.Kig, x.xp), p.Pmin, p.Pmax)
+    power, d_xp = pi(p.Kpg, p.Kig, error, regulated(p.Kpg, p.Kig, x.xp), p.Pmin, p.Pmax)
     pg, d_pg = lag(p.Tg, power, x.pg)
 
     d_xq = while_within(d_xq, u.V, p.Vfrz, 0.0)
     return Output(Pref=pg if p.FFlag > 0.5 else u.Pset, Qext=Qext), State(
         meas=d_meas, xq=d_xq, xf=d_xf, pf=d_pf, xp=on * d_xp, pg=on * d_pg
     )
+
+
+def guess(V: complex, I: complex, p: Par) -> State:
+    """States of the power flow within the limits, where those of a reference that nothing reads remain."""
+    S = V * I.conjugate()
+    Q, P = min(max(S.imag, p.Qmin), p.Qmax), min(max(S.real, p.Pmin), p.Pmax)
+    return State(S.imag, Q, Q, S.real, P, P)

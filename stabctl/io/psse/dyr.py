@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from stabctl._util.errors import CaseError
 from stabctl._util.schema import fields
 from stabctl.devices.blocks.lags import SHORT
+from stabctl.devices.converters.electrical import NO_LIMIT
 from stabctl.devices.loads import zip_load
 from stabctl.model import naming, tables
 from stabctl.model.tables import Load
@@ -334,6 +335,9 @@ def _short_lags(par: Any, role: str) -> Iterator[str]:
     for name, of in fields(kind).items():
         if of.unit == "s" and 0 < getattr(par, name) < SHORT:
             yield f"{name} = {getattr(par, name):g} s is below {1e3 * SHORT:g} ms, where a lag is bypassed."
+    bypassed = role == "electrical control" and getattr(par, "Tpord", SHORT) < SHORT
+    if bypassed and (min(par.dPmax, -par.dPmin) < NO_LIMIT or par.Vdip > 0):
+        yield f"Tpord = {par.Tpord:g} s: no lag of the power order, so dPmin, dPmax and Vdip do not hold it."
 
 
 def _without_model(
