@@ -94,7 +94,8 @@ def slopes(
     """Matrices A, B, C, D of a law at the operating point.
 
     A slope is that of a complex step, where central differences agree with it; otherwise, as where the law drops the
-    imaginary part, it is that of central differences. Raises `StudyError` if it does not rest there: outputs 0 and states unchanged.
+    imaginary part, it is that of central differences. Raises `StudyError` if the law does not rest there: outputs 0 and
+    states unchanged.
     """
     x0, n, m = np.array(start, float), len(start), len(names)
 
