@@ -5,7 +5,7 @@ import numbers
 import traceback
 from collections.abc import Iterable
 from contextlib import suppress
-from itertools import islice, product
+from itertools import islice
 from types import ModuleType
 from typing import Any
 
@@ -81,7 +81,7 @@ def _lost(device: Device) -> str | None:
         arguments = device.arguments(equation)
         for e, name in zip(np.eye(len(names)), names, strict=True):
             record, _, field = name.replace("[", ".").partition(".")
-            if record == "p" or record not in arguments and field not in arguments:
+            if record == "p" or (record not in arguments and field not in arguments):
                 continue
             if sum(_differ(device, equation, z, e) for z in points) > 1:  # one may be at a jump
                 return (
