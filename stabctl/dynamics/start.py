@@ -215,7 +215,8 @@ def _power_of_loads(
             wanted = sum(zip_load.drawn(load, abs(V[k])) for load in case.loads if load.bus == number)
             if not abs(drawn - wanted) < POWER * max(1.0, abs(wanted)):
                 raise EquilibriumError(
-                    f"With the model {f.device.name}, the loads at bus {number} of {case.name} draw {drawn.real:.5g} MW "
-                    f"and {drawn.imag:.5g} Mvar at the power flow instead of {wanted.real:.5g} MW and "
-                    f"{wanted.imag:.5g} Mvar; the current into the bus must be that of -(P0 + jQ0) at V0."
+                    f"With the model {f.device.name}, the loads at bus {number} of {case.name} draw "
+                    f"{drawn.real:.5g} MW and {drawn.imag:.5g} Mvar at the power flow instead of "
+                    f"{wanted.real:.5g} MW and {wanted.imag:.5g} Mvar; the current into the bus "
+                    "must be that of -(P0 + jQ0) at V0."
                 )
