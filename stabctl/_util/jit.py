@@ -223,29 +223,30 @@ def numba_version() -> str:
 def sources(module: ModuleType) -> str:
     """Source text and constants of a module and of all modules that it takes functions from.
 
-    Those of `_util` and installed ones are left out.
+    Those of `_util` and installed ones in other folders are left out.
     """
     seen: dict[str, str] = {}
-    todo = [module]
+    todo, beside = [module], Path(module.__file__ or "").parent
     while todo:
         found = todo.pop()
         file = getattr(found, "__file__", None) or ""
         inside = file.startswith(f"{_PACKAGE}{os.sep}") and not file.startswith(f"{_PACKAGE / '_util'}{os.sep}")
-        if found.__name__ not in seen and (inside or _own(found.__name__)):
+        if file and found.__name__ not in seen and (inside or own(file) or Path(file).parent == beside):
             seen[found.__name__], used = _source(found)
             todo += used
     return "".join(seen[name] for name in sorted(seen))
 
 
 def own_sources(module: ModuleType) -> dict[str, str]:
-    """Name -> source text of a user's module and of all that it imports, directly or not, but for installed ones."""
+    """Name -> source text of a module and of the user's modules that it imports, directly or not."""
     found: dict[str, str] = {}
     todo = [module.__name__]
     while todo:
         name = todo.pop()
-        if name in found or not _own(name):
+        file = getattr(sys.modules.get(name), "__file__", None) or ""
+        if name in found or not (own(file) or name == module.__name__):
             continue
-        found[name] = Path(sys.modules[name].__file__ or "").read_text(encoding="utf-8")
+        found[name] = Path(file).read_text(encoding="utf-8")
         todo.append(name.rpartition(".")[0])
         for node in ast.walk(ast.parse(found[name])):
             if isinstance(node, ast.Import):
@@ -256,11 +257,10 @@ def own_sources(module: ModuleType) -> dict[str, str]:
     return found
 
 
-def _own(name: str) -> bool:
-    """Whether a module is a Python file of the user's: not of this package, of Python, or installed."""
-    file = getattr(sys.modules.get(name), "__file__", None) or ""
-    elsewhere = name.partition(".")[0] == "stabctl" or file.startswith(os.path.dirname(os.__file__))
-    return file.endswith(".py") and not elsewhere and not {"site-packages", "dist-packages"} & {*Path(file).parts}
+def own(file: str) -> bool:
+    """Whether a file is Python code of the user's: not of this package, of Python, or installed."""
+    elsewhere = (f"{_PACKAGE}{os.sep}", os.path.dirname(os.__file__) + os.sep)
+    return file.endswith(".py") and not file.startswith(elsewhere) and "site-packages" not in Path(file).parts
 
 
 @cache
