@@ -24,6 +24,7 @@ _GIVES = {  # equation -> the records that it returns
     "current": (),
     "step": ("State", "Output"),
 }
+_ROLE_GIVES = {"exciter": "Efd", "governor": "Pm", "stabilizer": "Vs"}
 _READ = {"x": "State", "u": "Input", "i": "Internal", "y": "Output", "p": "Par"}
 POINTS = 4  # at which derivatives are compared
 _NOT_ANALYTIC = {"abs", "min", "max", "sign", "conj", "conjugate", "fabs", "maximum", "minimum", "absolute"}
@@ -41,6 +42,10 @@ def unreadable(module: ModuleType) -> str | None:
 
 def mistake(device: Device) -> str | None:
     """What is wrong with the equations of a device, without a final period; None if nothing is."""
+    if (output := _ROLE_GIVES.get(device.role)) and output not in device.fields("Output"):
+        return (
+            f"the role {device.role} gives {output}, but Output has no such field; without it the device has no effect"
+        )
     return _forbidden(device) or _fails(device) or _unmarked(device) or _lost(device)
 
 
@@ -49,7 +54,7 @@ def _unmarked(device: Device) -> str | None:
     own = {f.__name__: f for _, f in inspect.getmembers(device.module, inspect.isfunction)}
     own = {name: f for name, f in own.items() if f.__module__ == device.module.__name__}
     used = {name for f in own.values() if "inlined" in vars(f) for name in f.__code__.co_names}
-    bare = [name for name in own if name in {*_GIVES, "step", *used} and "inlined" not in vars(own[name])]
+    bare = [name for name in own if name in {*_GIVES, *used} and "inlined" not in vars(own[name])]
     return f"{bare[0]} is not compiled; write @inline, from stabctl._util.jit, in the line above it" if bare else None
 
 

@@ -34,6 +34,11 @@ MISTAKES = {
         'ROLE = "stabiliser"',
         "'stabiliser' is not known; did you mean",
     ),
+    "another output than that of the role": (
+        'Vs: Annotated[float, "pu", "stab',
+        'Vpss: Annotated[float, "pu", "stab',
+        "the role stabilizer gives Vs, but Output has no such field",
+    ),
     "no such limit": (
         'ROLE = "stab',
         'LIMITS = {"slaw": ("Vmin", "Vmax")}\nROLE = "stab',
