@@ -173,11 +173,18 @@ def test_a_load_that_does_not_draw_its_power_of_the_power_flow_is_refused_by_nam
         run = case.with_device("constant", 7).initialize().simulate(until="2s")
         assert np.abs(run.arrays.speed - 1).max() < 1e-9
         for part, MW in ((1.1, "1063.7"), (-1.0, "-967")):
-            says = (
-                f"With the model CONSTANT, the loads at bus 7 of two_area draw {MW} MW and .* instead of 967 MW"
-            )
+            says = f"With the model CONSTANT, the loads at bus 7 of two_area draw {MW} MW and .* instead of 967 MW"
             with pytest.raises(EquilibriumError, match=says):
                 case.with_device("constant", 7, part=part).initialize()
+
+
+def test_a_parameter_may_have_any_name(tmp_path):
+    """Also one that an argument of `with_device` has."""
+    for name in ("at", "model", "case"):
+        with registered(written(tmp_path, f"load_{name}", LOAD.replace("part", name))):
+            assert (
+                st.load("two_area").with_device(f"load_{name}", 7, **{name: 0.9}).devices[f"load_{name}"][7][-1] == 0.9
+            )
 
 
 def test_a_link_model_of_ones_own_is_refused(tmp_path):
