@@ -24,7 +24,7 @@ _GIVES = {  # equation -> the records that it returns
     "current": (),
     "step": ("State", "Output"),
 }
-_ROLE_GIVES = {"exciter": "Efd", "governor": "Pm", "stabilizer": "Vs"}
+_ROLE_GIVES = {"exciter": "Efd", "governor": "Pm"}  # what machines read; a stabilizer may drive any port
 _READ = {"x": "State", "u": "Input", "i": "Internal", "y": "Output", "p": "Par"}
 POINTS = 4  # at which derivatives are compared
 _NOT_ANALYTIC = {"abs", "min", "max", "sign", "conj", "conjugate", "fabs", "maximum", "minimum", "absolute"}

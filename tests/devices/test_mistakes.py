@@ -35,9 +35,9 @@ MISTAKES = {
         "'stabiliser' is not known; did you mean",
     ),
     "another output than that of the role": (
-        'Vs: Annotated[float, "pu", "stab',
-        'Vpss: Annotated[float, "pu", "stab',
-        "the role stabilizer gives Vs, but Output has no such field",
+        'ROLE = "stabilizer"',
+        'ROLE = "governor"',
+        "the role governor gives Pm, but Output has no such field",
     ),
     "no such limit": (
         'ROLE = "stab',
