@@ -4,6 +4,9 @@ A function that Python calls has one argument, the address of its words (`words`
 and puts there what it returns, is generated here from their kinds. Any function returns a status, 0 if all is well.
 """
 
+import linecache
+import os
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -22,6 +25,8 @@ from numba.core.registry import cpu_target
 from numba.np.arrayobj import populate_array
 from numba.np.numpy_support import from_dtype
 
+from .errors import StudyError
+from .jit import own
 from .object_code import Code, processor
 from .process import paused
 from .words import HEAD, SCALARS, Kind
@@ -71,7 +76,10 @@ def _machine(
     family: Any = ccallback.CFunc
     compiler = _Compiler(python, family._targetdescr, options, {}, numba.core.compiler.Compiler)
     with global_compiler_lock, paused(), _linked_only():
-        found: Any = compiler.compile(tuple(kinds), returned)
+        try:
+            found: Any = compiler.compile(tuple(kinds), returned)
+        except numba.core.errors.NumbaError as error:
+            raise _located(error) from None
         about, context, library = found.fndesc, found.target_context, found.library
         module = library.create_ir_module("visible")
         inner = ir.Function(
@@ -92,6 +100,19 @@ def _machine(
             use(library._final_module, symbol)
         called = [one.name for one in library._final_module.functions if one.is_declaration]
         return [name for name in called if name.startswith("numba_")], target().emit_object(library._final_module)
+
+
+def _located(error: Exception) -> Exception:
+    """What numba does not compile, with its place in a file of the user's; the error itself if there is none."""
+    for file, line in re.findall(r"""(?:at |File ")([^"\n]+?\.py)(?: \(|", line )(\d+)""", str(error)):
+        if own(path := os.path.abspath(file)):
+            lines = [linecache.getline(path, k).strip() for k in range(int(line), 0, -1)]
+            function = next((one[4:].partition("(")[0] for one in lines if one.startswith("def ")), "it")
+            return StudyError(
+                f"{path}: line {line}, {function} cannot be compiled: {lines[0]}; use arithmetic of single numbers, "
+                "functions such as np.exp, and the blocks of stabctl.devices.blocks."
+            )
+    return error
 
 
 @contextmanager

@@ -3,9 +3,12 @@
 import sys
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
+from functools import cache
 from typing import Any
 
+from stabctl import devices
 from stabctl._util.errors import StudyError, shown
+from stabctl._util.jit import own
 from stabctl._util.verbs import verb
 from stabctl.devices.device import Device, of
 
@@ -50,8 +53,8 @@ class Law(ABC):
 
     @property
     def device(self) -> Device:
-        """Its equations, which are in its file."""
-        return of(sys.modules[type(self).__module__])
+        """Its equations, which are in the file of its class or of the class that this extends."""
+        return _device(type(self))
 
     @abstractmethod
     def par(self, device: StorageDevice) -> Any:
@@ -92,6 +95,18 @@ class Law(ABC):
 
     save = verb("stabctl.io.control_files:save_law")
     controllers = verb("stabctl.controllers.law_controllers:controllers")
+
+
+@cache
+def _device(kind: type) -> Device:
+    for base in kind.__mro__:
+        module: Any = sys.modules.get(base.__module__)
+        if module and {"NAME", "step", "__file__"} <= vars(module).keys():
+            return devices.checked(module.__file__, module) if own(module.__file__) else of(module)
+    raise StudyError(
+        f"The law {kind.__name__} has no equations, because no file with NAME and step defines it; write the law to a "
+        "file of its own, as in docs/extending.md, and import it from there."
+    )
 
 
 @dataclass(frozen=True)

@@ -137,7 +137,7 @@ def register(path: str | Path) -> str:
     sys.modules[spec.name] = module
     try:
         spec.loader.exec_module(module)
-        device = _checked(path, module)
+        device = checked(path, module)
     except (Exception, SystemExit) as error:
         sys.modules.pop(spec.name)
         if before is not None:
@@ -152,8 +152,8 @@ def register(path: str | Path) -> str:
     return name
 
 
-def _checked(path: Path, module: ModuleType) -> Device:
-    """The device of a module. Raises `StudyError` if it is none."""
+def checked(path: str | Path, module: ModuleType) -> Device:
+    """The device of a module of the user's. Raises `StudyError` if it is none."""
     from . import trial  # imported late: it needs this package
 
     missing = [part for part in ("NAME", "ROLE", "Par") if part not in vars(module)]

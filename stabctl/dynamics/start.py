@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stabctl._util.errors import EquilibriumError
+from stabctl.devices.loads import zip_load
 from stabctl.model.case import Case
 
 from . import family
@@ -20,6 +21,7 @@ from .newton import Newton, Unsolved
 
 ACTIVE, REACTIVE = ("Pref", "Pset"), ("Qext", "Qset", "Qref")  # set-points that start at the power of the unit
 LEAST = 1e-8  # pu on 100 MVA   current that counts
+POWER = 1e-6  # MVA, or of the power of a load: what counts
 
 
 class Start(NamedTuple):
@@ -50,8 +52,8 @@ def start(case: Case, system: System, equations: Equations, V: np.ndarray, curre
     Raises
     ------
     EquilibriumError
-        If there is none, a rotor is reversed there, or a device outside the power flow draws current; names device and
-        machine.
+        If there is none, a rotor is reversed there, a load does not draw its power, or a device outside the power flow
+        draws current; names device and machine.
     """
     layout = system.layout
     s = np.zeros(layout.size)
@@ -69,7 +71,9 @@ def start(case: Case, system: System, equations: Equations, V: np.ndarray, curre
         more, fastest, stiffest = _solve(case, system, equations, V, current, s)
         iterations += more
     _upright(case, system, s)
-    _no_current(system, equations, s, LEAST * 100 / case.base_mva)
+    injected = _injected(system, equations, s)
+    _no_current(system, injected, s, LEAST * 100 / case.base_mva)
+    _power_of_loads(case, system, injected, s)
     return Start(system, equations, s, iterations, fastest, stiffest)
 
 
@@ -179,20 +183,52 @@ def _upright(case: Case, system: System, s: np.ndarray) -> None:
         )
 
 
-def _no_current(system: System, equations: Equations, s: np.ndarray, least: float) -> None:
-    """Check that shunts and storage devices draw no current (pu) at the power flow, which does not include them."""
+def _injected(system: System, equations: Equations, s: np.ndarray) -> list[tuple[Family, np.ndarray, np.ndarray]]:
+    """The loads, shunts and storage devices, with the rows of their buses and their currents (pu) into these."""
     first, values = system.layout.nx + system.layout.outputs, equations.entries(s)[1]
+    found = []
     for f in equations.families:
         part = equations.injections[f.name]
-        if f.device.role not in ("shunt", "storage") or part.start == part.stop:
+        if f.device.role in ("load", "shunt", "storage") and part.start < part.stop:
+            current = values[first + 2 * part.start : first + 2 * part.stop].view(complex)
+            found.append((f, (f.w[:, family.BUS] - system.layout.nx) // 2, current))
+    return found
+
+
+def _no_current(
+    system: System, injected: list[tuple[Family, np.ndarray, np.ndarray]], s: np.ndarray, least: float
+) -> None:
+    """Check that shunts and storage devices draw no current (pu) at the power flow, which does not include them."""
+    V = s[system.layout.voltages].view(complex)
+    for f, bus, drawn in injected:
+        if f.device.role == "load":
             continue
-        drawn = values[first + 2 * part.start : first + 2 * part.stop].view(complex)
-        if f.device.admittance is not None:
-            drawn = drawn - f.device.admittances(f.k) * s[f.w[:, [family.BUS]] + np.arange(2)].view(complex)[:, 0]
-        size = np.abs(drawn)
+        size = np.abs(drawn - f.device.admittances(f.k) * V[bus])
         if size.max() > least:
             j = int(size.argmax())
             raise EquilibriumError(
                 f"{f.device.name} of {f.keys[j]} draws {size[j]:.3g} pu of current at the power flow, which does not "
                 "include it; its current must be zero initially."
             )
+
+
+def _power_of_loads(
+    case: Case, system: System, injected: list[tuple[Family, np.ndarray, np.ndarray]], s: np.ndarray
+) -> None:
+    """Check that the loads of every bus with a load model together draw their power of the power flow."""
+    V = s[system.layout.voltages].view(complex)
+    current = -system.fixed * V
+    of_loads = [one for one in injected if one[0].device.role == "load"]
+    for _, bus, more in of_loads:
+        np.add.at(current, bus, more)
+    for f, bus, _ in of_loads:
+        for k in bus.tolist() if f.name != "zip_load" else ():
+            number, drawn = case.buses[k].bus, -case.base_mva * V[k] * current[k].conj()
+            wanted = sum(zip_load.drawn(load, abs(V[k])) for load in case.loads if load.bus == number)
+            if not abs(drawn - wanted) < POWER * max(1.0, abs(wanted)):
+                raise EquilibriumError(
+                    f"With the model {f.device.name}, the loads at bus {number} of {case.name} draw "
+                    f"{drawn.real:.5g} MW and {drawn.imag:.5g} Mvar at the power flow instead of "
+                    f"{wanted.real:.5g} MW and {wanted.imag:.5g} Mvar; the current into the bus "
+                    "must be that of -(P0 + jQ0) at V0."
+                )

@@ -17,7 +17,6 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from functools import cache, cached_property, lru_cache
 from importlib.metadata import version
-from pathlib import Path
 from threading import Lock
 from typing import Annotated, Any, Literal, NamedTuple, Protocol
 
@@ -25,6 +24,7 @@ import numpy as np
 
 from stabctl import devices
 from stabctl._util.errors import StabctlError, StudyError, bug
+from stabctl._util.jit import own_sources
 from stabctl._util.schema import fields
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
@@ -155,9 +155,8 @@ def fingerprint(case: Case) -> str:
     content["devices"] = {
         model: [[number, par._asdict()] for number, par in rows.items()] for model, rows in case.devices.items()
     }
-    files = {model: Path(devices.every()[model].file) for model in case.devices}
-    known = devices.registered()
-    own = {model: file.read_text(encoding="utf-8") for model, file in files.items() if str(file) in known}
+    used = {model: devices.every()[model] for model in case.devices}
+    own = {model: own_sources(device.module) for model, device in used.items() if device.file in devices.registered()}
     content |= {"device_files": own} if own else {}
     return sha256(content)
 
@@ -204,17 +203,17 @@ def _plain(value: Any) -> Any:
     )
 
 
-def _source(kind: type) -> dict[str, str]:
-    """The text of the file of a class that is not the package's own: a change of it changes what the class does."""
+def _source(kind: type) -> dict[str, Any]:
+    """The sources of a class that is not the package's own: a change of them changes what the class does."""
     if kind.__module__.partition(".")[0] == "stabctl":
         return {}
-    file = getattr(sys.modules.get(kind.__module__), "__file__", None)
-    if file is None:
+    module = sys.modules.get(kind.__module__)
+    if module is None or not getattr(module, "__file__", None):
         raise StudyError(
             f"{kind.__name__} is not in a file, so a later change of it would go unnoticed in a store; write it to "
             "one, or leave out the store and the scheduler."
         )
-    return {"source": Path(file).read_text(encoding="utf-8")}
+    return {"source": own_sources(module)}
 
 
 _known: OrderedDict[str, OperatingPoint] = OrderedDict()

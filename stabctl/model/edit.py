@@ -125,7 +125,7 @@ def _read(path: str, text: str, unit: str) -> float:
         raise StudyError(f"{path}: {error}") from None
 
 
-def with_device(case: Case, model: str, at: int | str | Iterable[int | str], **values: Any) -> Case:
+def with_device(case: Case, model: str, at: int | str | Iterable[int | str], /, **values: Any) -> Case:
     """The case with a device added at a machine, or replaced.
 
     A machine, converter, exciter or governor replaces the device with the same role; a stabilizer replaces only one of

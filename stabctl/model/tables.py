@@ -209,7 +209,7 @@ def takes(model: str, control: str) -> bool:
     return allowed is None or control in allowed
 
 
-def parameters(model: str, **values: Any) -> Any:
+def parameters(model: str, /, **values: Any) -> Any:
     """Parameters of a model from the columns of a row; fields that are filled from the case are 0."""
     record = models()[model].Par
     unfilled = {name: 0.0 for name in record._fields if name not in fields(record)}

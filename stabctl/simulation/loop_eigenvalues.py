@@ -11,13 +11,16 @@ because what they give is constant between two instants.
 """
 
 from collections.abc import Callable
+from math import isfinite
+from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
-from stabctl._util.errors import StudyError
+from stabctl._util.errors import StudyError, shown
 from stabctl.controllers import Law
+from stabctl.controllers.signals import StorageDevice
 from stabctl.dynamics import outputs, storage
 from stabctl.dynamics.jacobian import array, solver
 from stabctl.dynamics.operating_point import OperatingPoint
@@ -53,13 +56,24 @@ def eigenvalues(what: Attached, law: Law | None, wired: Wired) -> Eigenvalues:
     """
     gains = np.zeros((0, 3))
     if law is not None and wired.places.follows:
-        gains = np.array([law.gains(device) for device in storage_devices(what.point.case)]).reshape(-1, 3)
+        gains = np.array([_gains(law, device) for device in storage_devices(what.point.case)]).reshape(-1, 3)
     if not gains.any() and not any(f.device.module is lti for f in wired.families):
         return Eigenvalues()
     kept = vars(what.point).setdefault("closed", {})
     if law not in kept:
         kept[law] = _eigenvalues(what, wired, gains)
     return kept[law]
+
+
+def _gains(law: Law, device: StorageDevice) -> tuple[float, float, float]:
+    """What `Law.gains` gives. Raises `StudyError` unless it is three numbers."""
+    given: Any = law.gains(device)
+    if np.shape(given) != (3,) or not all(isinstance(one, Real) and isfinite(one) for one in given):
+        raise StudyError(
+            f"The law {law} has gains {shown(given)}; its method gains must return three numbers: the slopes of the "
+            "order by speed, acceleration and angle."
+        )
+    return given  # type: ignore[no-any-return]
 
 
 def _eigenvalues(what: Attached, wired: Wired, gains: np.ndarray) -> Eigenvalues:

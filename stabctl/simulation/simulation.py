@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from stabctl._util.errors import StudyError
+from stabctl._util.wording import listed
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.model import naming
 from stabctl.model.network import Switching
@@ -238,6 +239,7 @@ class Simulation:
                 self.progress(self.time)
 
     def _end(self, verdict: int) -> Outcome:
+        self._check_orders()
         check_numbers(self.point.layout, self._run.s, self._run.part, self.time)
         self._verdict = verdict
         instant = self.time - (float(self._run.late[0]) if verdict in TIMED else 0.0)
@@ -254,6 +256,18 @@ class Simulation:
             self.switching,
         )  # fmt: skip
         return outcome(self.point, end, self.setup.criterion)
+
+    def _check_orders(self) -> None:
+        """Raise `StudyError` if the law gives no finite orders, although what it reads is finite."""
+        s, read = self._run.s, np.r_[self.point.layout.voltages, self.point.rotors.speed, self.point.rotors.angle]
+        wrong = np.flatnonzero(~np.isfinite(s[self.wired.wanted]))
+        if len(wrong) and np.isfinite(s[read]).all():
+            names = naming.keys(self.point.case, "storage")
+            raise StudyError(
+                f"The law {self.setup.parts.law} has no finite order at {self.time:.3f} s for ESD "
+                f"{listed([str(names[k]) for k in wrong])}; check its equations and parameters for a division by zero "
+                "and the root of a negative number."
+            )
 
     def _loop(self) -> ControlLoop:
         """The loop that the control closes."""

@@ -323,6 +323,37 @@ def test_a_law_that_does_not_rest_has_no_linear_model(base):
         base.closed_loop(one)
 
 
+def written(seen):
+    u = np.zeros(4)
+    u[:] = 100 * seen["deviation"]
+    return u
+
+
+def square_root(seen):
+    return np.array([np.sqrt(1 + 200 * float(v)) - 1 for v in seen["deviation"]])
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        lambda seen: 100 * seen["deviation"],
+        lambda seen: np.asarray(100 * seen["deviation"], float),
+        lambda seen: 100 * np.real(seen["deviation"]),
+        lambda seen: 60 * seen["deviation"] + 40 * np.real(seen["deviation"]),
+        written,
+        square_root,
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_the_slopes_of_a_law_are_those_of_its_values(base, law):
+    """Also where it drops the imaginary part of a complex step."""
+    one = st.Controller.from_function(law, "deviation", "order", rate=60)
+    same = st.Controller.from_control(control.ss([], [], [], 100 * np.eye(4)), "deviation", "order", rate=60)
+    found, expected = (base.closed_loop(c).modes().df for c in (one, same))
+    assert np.abs(found.real - expected.real).max() < 1e-6
+    assert np.abs(found.imag - expected.imag).max() < 1e-6
+
+
 @pytest.mark.parametrize("rate", [None, 60])
 def test_a_gate_on_a_signal_that_its_own_controller_changes_is_decided_once_per_step(base, rate):
     """The order jumps, the measured frequency with it: the gate stays as it was until the next step."""

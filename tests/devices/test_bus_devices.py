@@ -145,6 +145,48 @@ def test_a_store_at_a_machine_draws_what_its_order_says(tmp_path):
         assert change == pytest.approx(expected, abs=1e-12)
 
 
+LOAD = """
+from typing import Annotated, NamedTuple
+from stabctl._util.jit import inline
+from stabctl._util.schema import FROM_CASE
+
+NAME = "CONSTANT"
+ROLE = "load"
+
+class Par(NamedTuple):
+    P0: Annotated[float, "pu", "active power", FROM_CASE]
+    Q0: Annotated[float, "pu", "reactive power", FROM_CASE]
+    V0: Annotated[float, "pu", "voltage", FROM_CASE]
+    part: Annotated[float, "-", "part that it draws"] = 1.0
+
+@inline
+def current(v, p):
+    g, b = p.part * p.P0 / p.V0**2, p.part * p.Q0 / p.V0**2
+    return -(g * v[0] + b * v[1]), b * v[0] - g * v[1]
+"""
+
+
+def test_a_load_that_does_not_draw_its_power_of_the_power_flow_is_refused_by_name(tmp_path):
+    """One that draws it moves nothing: without events every signal stays as it is."""
+    with registered(written(tmp_path, "constant", LOAD)):
+        case = st.load("two_area")
+        run = case.with_device("constant", 7).initialize().simulate(until="2s")
+        assert np.abs(run.arrays.speed - 1).max() < 1e-9
+        for part, MW in ((1.1, "1063.7"), (-1.0, "-967")):
+            says = f"With the model CONSTANT, the loads at bus 7 of two_area draw {MW} MW and .* instead of 967 MW"
+            with pytest.raises(EquilibriumError, match=says):
+                case.with_device("constant", 7, part=part).initialize()
+
+
+def test_a_parameter_may_have_any_name(tmp_path):
+    """Also one that an argument of `with_device` has."""
+    for name in ("at", "model", "case"):
+        with registered(written(tmp_path, f"load_{name}", LOAD.replace("part", name))):
+            assert (
+                st.load("two_area").with_device(f"load_{name}", 7, **{name: 0.9}).devices[f"load_{name}"][7][-1] == 0.9
+            )
+
+
 def test_a_link_model_of_ones_own_is_refused(tmp_path):
     path = written(tmp_path, "my_link", STORE.replace('"storage"', '"link"'))
     with pytest.raises(StudyError, match=r"my_link\.py: a link model of your own is not supported"):

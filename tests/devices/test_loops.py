@@ -125,7 +125,10 @@ def output(heard):
     return Output(2 * heard)
 '''
     ROOT = RELAY.replace('"relay"', '"root"').replace("stabilizer", "governor").replace("2 * heard", "heard")
-    ROOT = ROOT.replace('At("said", "of")', 'At("omega", "of")')
+    ROOT = ROOT.replace('At("said", "of")', 'At("omega", "of")').replace("import At", "import PORT, At")
+    ROOT = ROOT.replace('doubled"]', 'doubled"]\n    Pm: Annotated[float, "pu", "mechanical power"]')
+    ROOT = ROOT.replace('"of")]', '"of")]\n    Pref: Annotated[float, "pu", "set-point of the power", PORT]')
+    ROOT = ROOT.replace("output(heard)", "output(heard, Pref)").replace("Output(heard)", "Output(heard, Pref)")
 
     @pytest.fixture
     def chain(self, tmp_path):

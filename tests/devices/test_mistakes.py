@@ -34,6 +34,11 @@ MISTAKES = {
         'ROLE = "stabiliser"',
         "'stabiliser' is not known; did you mean",
     ),
+    "another output than that of the role": (
+        'ROLE = "stabilizer"',
+        'ROLE = "governor"',
+        "the role governor gives Pm, but Output has no such field",
+    ),
     "no such limit": (
         'ROLE = "stab',
         'LIMITS = {"slaw": ("Vmin", "Vmax")}\nROLE = "stab',
@@ -64,6 +69,8 @@ MISTAKES = {
     "no such state": ("u.V - x.slow)", "u.V - x.fast)", "output: 'State' object has no attribute 'fast'"),
     "a value too many": ("u.V, x.slow))", "u.V, x.slow), 0.0)", "derivatives: State.__new__() takes 2 positional"),
     "no derivative": ("(p.T, u.V", "(p.T, abs(u.V)", "derivatives uses abs, which cannot be differentiated"),
+    "a real part": ("(p.T, u.V", "(p.T, u.V.real", "derivatives loses the derivative by u.V"),
+    "a rounded state": ("u.V, x.slow))", "u.V, round(x.slow.real, 6)))", "derivatives loses the derivative by x.slow"),
     "an argument of no meaning": ("def output(x, u, p)", "def output(x, u, q)", "output has an unknown argument 'q'"),
     "an argument that nothing gives": (
         "def derivatives(x, u, p)",
@@ -126,6 +133,18 @@ def test_a_mistake_in_a_device_is_a_sentence_with_its_file(name, tmp_path):
     assert not str(error.value).endswith("?.")
     assert str(file) in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_what_another_file_does_to_a_derivative_is_told(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "sizes_of_a_test.py").write_text(
+        "from stabctl._util.jit import inline\n\n@inline\ndef size(x):\n    return abs(x)\n"
+    )
+    file = tmp_path / "wrong.py"
+    text = GOOD.replace("from stabctl._util.jit", "from sizes_of_a_test import size\nfrom stabctl._util.jit", 1)
+    file.write_text(text.replace("(p.T, u.V", "(p.T, size(u.V)"))
+    with registered(), pytest.raises(StudyError, match=r"derivatives loses the derivative by u\.V"):
+        devices.register(file)
 
 
 @pytest.mark.parametrize("name", devices.every())
