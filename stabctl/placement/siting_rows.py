@@ -106,10 +106,11 @@ class Infeasible(NamedTuple):
 
     contingency: Contingency
     target_cycles: float | None  # None: without a fault
-    alone_cycles: float | None  # critical clearing time without the fleet
+    alone_cycles: float | None  # critical clearing time without the fleet, existing devices in service
     tried: int  # fleets
     operating_point: str = ""  # if there are several
     out: str = ""  # the device (machine@bus) that is out of service
+    existing: bool = False  # there are existing devices
 
     @property
     def label(self) -> str:
@@ -125,7 +126,8 @@ class Infeasible(NamedTuple):
             if self.alone_cycles is None
             else f"its critical clearing time is {self.alone_cycles:.2f} cycles"
         )
-        return f"{self.label} at {self.target_cycles:.2f} cycles: {none} (without storage {alone})."
+        without = f"without {'further ' * self.existing}storage"
+        return f"{self.label} at {self.target_cycles:.2f} cycles: {none} ({without} {alone})."
 
 
 class Evidence(NamedTuple):

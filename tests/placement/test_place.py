@@ -1,12 +1,14 @@
 """The whole study on few candidates: what it refuses, what it leaves out, what costs change; and its command."""
 
 import json
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.cli.place import _record
 from stabctl.controllers import BangBang
@@ -158,6 +160,20 @@ def test_where_nothing_is_curable(case):
         study(case, HOPELESS)
     with pytest.raises(StudyError, match=r"clearing time is 4\.2"):
         study(case, NEAR_9, cap="1MW")
+
+
+def test_the_clearing_time_of_a_hopeless_fault_is_that_with_the_existing_devices():
+    """Of the fleet alone nothing acts: existing devices follow their law."""
+    case, fault = st.load("two_area"), st.Contingency("7", trip="7-8", clear="25cyc")
+    stored = case.with_storage("1=20MW,4=60MW")
+    for one, law, without in ((case, None, "storage"), (stored, st.BangBang(), "further storage")):
+        alone = one.clearing_time(fault, control=law, observe="2s", longest=0)
+        with pytest.raises(StudyError) as refused:
+            st.place(one, [fault], cap="1MW", candidates=[(1, 5)], observe="2s")
+        said = re.search(r"\(without ([a-z ]+) its critical clearing time is ([0-9.]+) cycles\)", str(refused.value))
+        assert said
+        assert said[1] == without
+        assert float(said[2]) == pytest.approx(alone.cycles, abs=0.126)  # 0 and 0
 
 
 def test_what_needs_no_storage_gets_none(case):
