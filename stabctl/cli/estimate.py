@@ -63,7 +63,8 @@ def estimate(
     contingency = Contingency(fault, clear, trip or (), at=at, impedance=shared.impedance(fault_impedance))
     point = storage.initialize(loaded)
     given = shared.controllers(controller)
-    chosen, own = law.chosen(point.case, None, given) if point.case.storage or given else (law.law(), [])
+    stored = bool(point.case.storage)
+    chosen, own = law.chosen(stored, None, given) if stored or given else (law.law(), [])
     behind: list[Any] = [*([chosen] if chosen else []), *own]
     found = simulate(
         point,

@@ -298,7 +298,7 @@ def test_a_limit_cycle_at_full_power_is_named(points, law, cycles):
 
 @pytest.mark.parametrize(("storage", "until"), [("50MW", 3), ("20MW", 3), ("20MW", 5), ("5MW", 3), ("5MW", 5)])
 def test_orders_that_follow_swings_for_a_while_are_no_limit_cycle(points, storage, until):
-    """Undelayed, the law opposes every swing; its orders reverse with the swings, at most twice per period of 0.6 Hz."""
+    """Undelayed, the law opposes every swing; its orders reverse with them, twice per period of 0.6 Hz at most."""
     ran = stored(points, "two_area_thyristor", storage).simulate(
         st.Contingency("7", clear=0.1, at=0.1), until, control=st.BangBang()
     )
