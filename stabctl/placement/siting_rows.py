@@ -5,7 +5,8 @@ from typing import NamedTuple
 from stabctl.simulation.contingency import Contingency
 
 SAME = 1e-3  # relative difference of currents that count as equal
-REFINED = "half the time step and twice the observation window"
+LONGER = "twice the observation window"
+REFINED = f"half the time step and {LONGER}"
 
 
 class Costs(NamedTuple):
@@ -87,6 +88,7 @@ class Survived(NamedTuple):
     binding: bool  # unstable with 3 % less storage
     operating_point: str = ""  # if there are several
     out: str = ""  # the device (machine@bus) that is out of service
+    growing: bool = False  # the swings grow in the simulation at the target
 
     @property
     def label(self) -> str:
@@ -139,6 +141,7 @@ class Evidence(NamedTuple):
     scale: float = 1.0  # of all sizes, or of the one of `site`
     without: str | None = None  # the device (machine@bus) that is removed
     site: str | None = None  # the only device (machine@bus) that `scale` changes
+    longer: bool = False  # simulated with twice the observation window
     refined: bool = False  # simulated with half the time step and twice the observation window
     control: str | None = None  # another controller
 
@@ -149,8 +152,13 @@ class Evidence(NamedTuple):
             return f"without {self.without}"
         if self.site:
             return f"{self.site} x{self.scale:.4g}"
-        also = [self.control] if self.control else [REFINED] if self.refined else []
+        also = list(filter(None, [self.control or self.setting]))
         return ", ".join(also if self.control and self.scale == 1 else [f"x{self.scale:.4g}", *also])
+
+    @property
+    def setting(self) -> str:
+        """How it was simulated, if not as in the search."""
+        return REFINED if self.refined else LONGER * self.longer
 
     @property
     def smaller(self) -> bool:

@@ -113,6 +113,9 @@ def test_a_fleet_at_its_caps_is_no_larger_fleet(cap, scales):
         def fleet(self, mw):
             return np.minimum(mw, cap)
 
+        def longer(self):
+            return self
+
         def refined(self):
             return self
 
@@ -136,9 +139,31 @@ def test_a_fleet_at_its_caps_is_no_larger_fleet(cap, scales):
 
     trials = Lost(existing=np.zeros(0), scenarios=(Scenario(NEAR_9),), cap=np.array([cap]))
     rows = evidence.table(trials, np.array([20.0]), [CriticalTime(1.0, True, None)], {"Kalman": None}, 0.1)
-    for found in ([row for row in rows if row.refined], [row for row in rows if row.control]):
+    for kind in ("longer", "refined", "control"):
+        found = [row for row in rows if getattr(row, kind)]
         assert [row.scale for row in found] == pytest.approx(scales)
         assert [row.mw for row in found] == pytest.approx([20 * scale for scale in scales])
+
+
+def test_a_fleet_that_is_lost_later_says_so():
+    """With the same step: half of it hides the loss. The swings grow before, as the search for a clearing time says."""
+    case, fault = st.load("two_area"), st.Contingency("7", trip="7-8", clear="10.5cyc")
+    converter = {"storage_model": "regc", "mva": "0.8pu"}
+    found = st.place(case, [fault], candidates=[(3, 11)], device=converter, observe="4s")
+    later = [row for row in found.evidence if row.longer]
+    for row in later:
+        point = case.with_storage({"3@11": f"{row.mw!r}MW"}, **converter).initialize()
+        ran = point.simulate(fault, until=1 + 10.5 / 60 + 8, control=st.BangBang())
+        assert row.lost == (not ran.outcome.stable)
+    assert [row.lost for row in later] == [1, 0]
+    assert [row.lost for row in found.evidence if row.refined] == [0]
+    point = case.with_storage({"3@11": f"{found.total_mw!r}MW"}, **converter).initialize()
+    end = point.clearing_time(fault, control=st.BangBang(), observe="4s", longest=0).swings
+    assert found.contingencies[0].growing
+    assert end.growing
+    said = str(found)
+    assert "With twice the observation window, this fleet does not survive 7 trip 7-8; use a longer" in said
+    assert "The swings after 7 trip 7-8 grow within the 4 s observed; with a longer observation window," in said
 
 
 def test_a_fleet_that_is_lost_with_half_the_step_says_so(both):
