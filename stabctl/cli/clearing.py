@@ -49,7 +49,7 @@ def clearing_time(
     events = shared.events(loaded, opened, tripped, stepped)
     through = shared.impedance(fault_impedance)
     point = storage.initialize(loaded)
-    steering = pmu.steering(*law.chosen(point.case, control, shared.controllers(controller)), estimator)
+    steering = pmu.steering(*law.chosen(bool(point.case.storage), control, shared.controllers(controller)), estimator)
     with shared.progress("searching", None) as tell:
         found = clearing_time(
             point,
@@ -178,7 +178,7 @@ def screen(
     criteria = shared.criteria(by)
     loaded = case.load()
     point = storage.initialize(loaded)
-    steering = pmu.steering(*law.chosen(point.case, control, shared.controllers(controller)), estimator)
+    steering = pmu.steering(*law.chosen(bool(point.case.storage), control, shared.controllers(controller)), estimator)
     with shared.progress("screening", 1.0) as tell:
         found = screen(
             point,

@@ -63,7 +63,8 @@ def estimate(
     contingency = Contingency(fault, clear, trip or (), at=at, impedance=shared.impedance(fault_impedance))
     point = storage.initialize(loaded)
     given = shared.controllers(controller)
-    chosen, own = law.chosen(point.case, None, given) if point.case.storage or given else (law.law(), [])
+    stored = bool(point.case.storage)
+    chosen, own = law.chosen(stored, None, given) if stored or given else (law.law(), [])
     behind: list[Any] = [*([chosen] if chosen else []), *own]
     found = simulate(
         point,
@@ -87,14 +88,17 @@ def _show(found: "Estimates", as_json: bool, written: list[Path], said: str) -> 
     if as_json:
         name = found.point.case.name
         outcome = {"outcome": end.kind.value, "message": end.message}
-        shared.print_json({"case": name, **accuracy._asdict(), **outcome})
+        shared.print_json({"case": name, "judged_from_s": found.judged_from_s, **accuracy._asdict(), **outcome})
         return
     from rich.table import Table
+
+    from stabctl.estimation.estimates import SETTLED
 
     table = Table("", str(found))
     if said:
         table.add_row("contingency", said)
     table.add_row("outcome", end.message)
+    table.add_row("judged from", f"{found.judged_from_s:.3f} s on, {1e3 * SETTLED:.0f} ms after the last event")
     table.add_row("error, rms", f"{accuracy.rmse_mhz:.1f} mHz")
     table.add_row("error, 99th percentile", f"{accuracy.p99_mhz:.1f} mHz")
     table.add_row("delay", accuracy.delay)

@@ -135,12 +135,12 @@ class LawOptions(NamedTuple):
         return BangBang(self.deadband, self.min_voltage)
 
     def chosen(
-        self, case: "Case", control: str | None, files: "Sequence[Controller | Law]" = ()
+        self, storage: bool, control: str | None, files: "Sequence[Controller | Law]" = ()
     ) -> "tuple[Law | None, list[Controller]]":
         """The law of the storage devices, and the controllers.
 
-        The law is that of a file, or bang-bang if the case has storage devices that no controller orders, unless
-        --control says otherwise.
+        The law is that of a file, or bang-bang if there are storage devices that no controller orders, unless --control
+        says otherwise.
         """
         from stabctl._util.errors import StudyError
         from stabctl.controllers import Law
@@ -151,14 +151,14 @@ class LawOptions(NamedTuple):
             raise StudyError(
                 "--control, --deadband and --min-voltage have no effect with a storage law from a file; leave them out."
             )
-        if law and not case.storage:
+        if law and not storage:
             raise StudyError("A storage law needs storage devices; give --storage or --storage-at.")
         if law:
             return law, controllers
 
-        if control == "bang-bang" and not case.storage:
+        if control == "bang-bang" and not storage:
             raise StudyError("--control bang-bang needs storage devices; give --storage or --storage-at.")
-        bang_bang = control == "bang-bang" or (control is None and case.storage and not ordered(controllers))
+        bang_bang = control == "bang-bang" or (control is None and storage and not ordered(controllers))
         if not bang_bang and self != LawOptions():
             raise StudyError(
                 "--deadband and --min-voltage have no effect, because no storage device has the bang-bang law; leave "

@@ -98,19 +98,19 @@ def place(
     from stabctl.estimation.estimator_control import EstimatorControl
     from stabctl.placement.place import place
     from stabctl.placement.siting import Costs
-    from stabctl.simulation.control import with_law
 
     if seed != 1 and not validate:
         raise StudyError("--seed is that of the estimator of --validate; give that too.")
     shared.folder(report)
     criteria = shared.criteria(by)
+    chosen_law, own = law.chosen(True, None, shared.controllers(controller))
+    acts: list[Any] = [*([chosen_law] if chosen_law else []), *own]
+    estimated: dict[str, Any] = {}
     loaded = case.load()
     points = _operating_points([loaded, *(case._replace(case=name).load() for name in also or ())], load_level)
     if storage_at is not None:
         points = {name: point.with_storage(storage_at) for name, point in points.items()}
     chosen, source = _contingencies(loaded, case.case, contingencies, case.classical, store=store, scheduler=scheduler)
-    own, estimated = shared.controllers(controller), dict[str, Any]()
-    acts = with_law(own, law.law())
     if validate:
         estimated[validate] = EstimatorControl(acts, validate, seed=seed)
     with shared.progress("siting", None) as tell:

@@ -93,7 +93,7 @@ def simulate(
     events = shared.events(loaded, opened, tripped, stepped)
     contingency = Contingency(fault, clear, trip or (), at=at, impedance=through, events=events)
     point = storage.initialize(loaded)
-    steering = pmu.steering(*law.chosen(point.case, control, shared.controllers(controller)), estimator)
+    steering = pmu.steering(*law.chosen(bool(point.case.storage), control, shared.controllers(controller)), estimator)
     with shared.progress("simulating", seconds(until, loaded.frequency_hz)) as tell:
         result = simulate(
             point,

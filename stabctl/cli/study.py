@@ -86,7 +86,7 @@ def study(
     shared.folder(report)
     loaded = case.load()
     point = storage.initialize(loaded)
-    chosen_law, own = law.chosen(point.case, control, shared.controllers(controller))
+    chosen_law, own = law.chosen(bool(point.case.storage), control, shared.controllers(controller))
     steering: Any = [*([chosen_law] if chosen_law else []), *own] or None
     pages: list[Path] = []
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from .estimator_control import EstimatorControl
 
-SETTLED = 0.05  # s   time after clearing from which the estimates are evaluated
+SETTLED = 0.05  # s   time after the last event from which the estimates are evaluated
 LARGEST_SHIFT = 100  # ms
 
 
@@ -162,12 +162,17 @@ class Estimates(Tabular):
         return int(np.count_nonzero(self.estimated_commands[self.time < end - 1e-9]))
 
     @property
+    def judged_from_s(self) -> float:
+        """Instant (s) from which `accuracy` is taken: 50 ms after the last event, such as the clearing of the fault."""
+        return self.cleared_s + SETTLED
+
+    @property
     def accuracy(self) -> Accuracy:
-        """Accuracy from `SETTLED` after clearing to the end.
+        """Accuracy from `judged_from_s` to the end.
 
         Raises `StudyError` if the run ends before, and as `accuracy_between`.
         """
-        since, end = self.cleared_s + SETTLED, self.time[-1] if len(self.time) else 0.0
+        since, end = self.judged_from_s, self.time[-1] if len(self.time) else 0.0
         if len(self.time) and end < since - 1e-9:
             case, last = self.point.case, self.cleared_s
             raise StudyError(

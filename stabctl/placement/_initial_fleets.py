@@ -60,7 +60,8 @@ def _boundary(trials: Trials, fleets: Sequence[np.ndarray], k: int) -> BoundaryF
 def _infeasible(trials: Trials, k: int) -> Infeasible:
     fleets = trials.fleets(k)
     without = trials.critical_time(np.zeros_like(trials.cap), k).cycles
-    return Infeasible(trials.contingencies[k], trials.target(k), without, fleets, *trials.named(k))
+    existing = len(trials.existing) > 0
+    return Infeasible(trials.contingencies[k], trials.target(k), without, fleets, *trials.named(k), existing)
 
 
 def uniform_fleet(search: CuttingPlanes, uniform: np.ndarray, boundary: Sequence[BoundaryFleet]) -> np.ndarray | None:

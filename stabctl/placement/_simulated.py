@@ -16,12 +16,13 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
 from stabctl.simulation.recording import Recorded
 from stabctl.simulation.simulation import run
+from stabctl.simulation.swings import Swings
 from stabctl.simulation.trajectory import Trajectory
 
 from .contingencies import target_cycles, without_fault
 from .siting_rows import SAME
 
-FORMAT = 5
+FORMAT = 6
 GRID = 0.125  # cycles
 What = Literal["outcome", "peak", "energy", "currents", "critical time"]
 
@@ -75,6 +76,7 @@ class CriticalTime(NamedTuple):
     cycles: float | None  # on a grid of about 1/8 cycle that contains the target; None: no fault, or always unstable
     stable: bool  # at the target
     machine: int | str | None  # loses synchronism first just beyond
+    growing: bool = False  # the swings grow at the target
 
 
 def task(one: Simulated, shared: Shared, identified: bool) -> Task:
@@ -120,7 +122,7 @@ def answer(task: Task) -> Found:
         from stabctl.judgment import judge
 
         kept = judge(ran, rules).kept
-    return _found(kept, ran.outcome.machine, 1, values=json.dumps(values.tolist()))
+    return _found(kept, ran.outcome.machine, 1, ran.outcome.swings, values=json.dumps(values.tolist()))
 
 
 def _peaks(ran: Trajectory) -> np.ndarray:
@@ -135,7 +137,8 @@ def _critical_time(one: Simulated, shared: Shared, target: float) -> Found:
     tried = trial(one, shared, target / count)
     found = last_stable(tried.attempt, tried.search.last, count, 2, **tried.search.shorter())
     cycles = None if found.status == "unstable_at_zero" else found.critical * target / count
-    return _found(found.runs[count].stable, found.machine, len(found.runs), cycles=cycles)
+    asked = found.runs[count]
+    return _found(asked.stable, found.machine, len(found.runs), asked.swings, cycles=cycles)
 
 
 def _currents(ran: Trajectory) -> np.ndarray:
@@ -161,14 +164,16 @@ VALUES: dict[What, Values] = {
 }
 
 
-def _found(stable: bool, machine: int | str | None, simulations: int, **more: Any) -> Found:
-    return Found({"stable": int(stable), "machine": json.dumps(machine), "simulations": simulations, **more})
+def _found(stable: bool, machine: int | str | None, simulations: int, swings: Swings | None, **more: Any) -> Found:
+    growing = int(swings is not None and swings.growing)
+    known = {"stable": int(stable), "machine": json.dumps(machine), "simulations": simulations, "growing": growing}
+    return Found(known | more)
 
 
 FLEET = Kind(
     "place",
     dict.fromkeys(Simulated._fields, str),
-    {"stable": int, "machine": str, "simulations": int, "cycles": float, "values": str},
+    {"stable": int, "machine": str, "simulations": int, "growing": int, "cycles": float, "values": str},
     answer,
     FORMAT,
 )

@@ -25,11 +25,11 @@ DIGITS = 3  # of a current of a converter; those that agree to so many are the s
 def table(
     trials: Trials, mw: np.ndarray, found: Sequence[CriticalTime], controls: Mapping[str, Sampled], tolerance: float
 ) -> tuple[Evidence, ...]:
-    """The fleet, 0.9 of it, with each site removed, smaller or larger, refined, and under other controllers.
+    """The fleet, 0.9 of it, with each site removed, smaller or larger, longer and refined, under other controllers.
 
-    If the fleet does not survive refined simulations or another controller, the first of `MARGINS` that does is shown
-    too, or the last one if none does. Where caps lessen it, its scale is the multiple of the MW that is left; where
-    they leave the fleet itself, there is none.
+    If the fleet does not survive longer or refined simulations or another controller, the first of `MARGINS` that does
+    is shown too, or the last one if none does. Where caps lessen it, its scale is the multiple of the MW that is left;
+    where they leave the fleet itself, there is none.
 
     Parameters
     ----------
@@ -51,8 +51,10 @@ def table(
         rows.append(_row(rest, critical_times(trials, rest), without=trials.site(i)))
     rows += [_scaled(trials, mw, i, multiple) for i in built for multiple in (1 - tolerance, 1 + tolerance)]
     larger = {_multiple(sized, mw, m): sized for m in MARGINS for sized in (trials.fleet(m * mw),)}
-    refined, last = trials.refined(), max(larger)
-    enough = next((scale for scale, sized in larger.items() if refined.all_survived(sized)), last)
+    longer, refined, last = trials.longer(), trials.refined(), max(larger)
+    enough = _enough(longer, larger)
+    rows += [_at_targets(longer, larger[m], scale=m, longer=True) for m in dict.fromkeys((1.0, enough))]
+    enough = _enough(refined, larger)
     if enough != 1:
         rows.append(_at_targets(refined, mw, refined=True))
     rows.append(_row(larger[enough], critical_times(refined, larger[enough]), scale=enough, refined=True))
@@ -64,6 +66,11 @@ def table(
             if not row.lost:
                 break
     return tuple(rows)
+
+
+def _enough(trials: Trials, larger: Mapping[float, np.ndarray]) -> float:
+    """The first multiple of a fleet whose MW (candidates) survive everything; if none does, the last."""
+    return next((scale for scale, sized in larger.items() if trials.all_survived(sized)), max(larger))
 
 
 def critical_times(trials: Trials, mw: np.ndarray, control: Control = None) -> list[CriticalTime]:

@@ -374,6 +374,6 @@ def _survived(trials: Trials, best: np.ndarray, times: list[CriticalTime]) -> tu
     """A row for every scenario."""
     lost_with_less = trials.lost(LESS * best)
     return tuple(
-        Survived(one, trials.target(k), c.cycles, c.machine, c.stable, k in lost_with_less, *trials.named(k))
+        Survived(one, trials.target(k), c.cycles, c.machine, c.stable, k in lost_with_less, *trials.named(k), c.growing)
         for k, (one, c) in enumerate(zip(trials.contingencies, times, strict=True))
     )

@@ -10,7 +10,7 @@ from stabctl._util.wording import counted
 from stabctl.controllers import BangBang
 from stabctl.model.tables import Storage
 
-from .siting_rows import REFINED, CandidateSite, Costs, Evidence, Infeasible, Iteration, Site, Survived
+from .siting_rows import CandidateSite, Costs, Evidence, Infeasible, Iteration, Site, Survived
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -341,15 +341,22 @@ def _cuts(siting: Siting) -> Iterator[str]:
 def reservations(siting: Siting) -> tuple[str, ...]:
     """What the fleet does not survive, what the solver missed, and which smaller fleets are sufficient."""
     said = [*(f"Not survived: {one}" for one in siting.infeasible), *_solver(siting)]
-    for row in siting.evidence:
-        if row.refined or row.control:
-            what = REFINED if row.refined else f"the control '{row.control}'"
+    rows = siting.evidence
+    longer = any(row.lost for row in rows if row.longer)  # otherwise simulations that are refined too say enough
+    for row in rows:
+        if row.refined or row.control or (row.longer and longer):
+            what = row.setting or f"the control '{row.control}'"
             fleet = "this fleet" if row.scale == 1 else f"this fleet, enlarged to {row.scale:.4g} times its MW,"
             fleet = fleet if siting.sites else f"the system without {'further ' * bool(siting.existing)}storage"
             lost = _lost(siting, row)
-            longer = "; use a longer observation window" if row.refined else ""
-            found = f"does not survive {lost}{longer}" if lost else "survives every contingency"
+            advice = "; use a longer observation window" if row.setting else ""
+            found = f"does not survive {lost}{advice}" if lost else "survives every contingency"
             said.append(f"With {what}, {fleet} {found}.")
+    if growing := [c.label for c in siting.contingencies if c.growing]:
+        said.append(
+            f"The swings after {', '.join(growing)} grow within the {siting.observed_s:g} s observed; with a longer "
+            "observation window, stability may be lost."
+        )
     said += _other_sizes(siting)
     also = "survives every contingency too, so a smaller fleet is possible"
     said += [f"The fleet {row.fleet} {also}." for row in siting.smaller]

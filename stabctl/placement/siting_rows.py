@@ -5,7 +5,8 @@ from typing import NamedTuple
 from stabctl.simulation.contingency import Contingency
 
 SAME = 1e-3  # relative difference of currents that count as equal
-REFINED = "half the time step and twice the observation window"
+LONGER = "twice the observation window"
+REFINED = f"half the time step and {LONGER}"
 
 
 class Costs(NamedTuple):
@@ -87,6 +88,7 @@ class Survived(NamedTuple):
     binding: bool  # unstable with 3 % less storage
     operating_point: str = ""  # if there are several
     out: str = ""  # the device (machine@bus) that is out of service
+    growing: bool = False  # the swings grow in the simulation at the target
 
     @property
     def label(self) -> str:
@@ -106,10 +108,11 @@ class Infeasible(NamedTuple):
 
     contingency: Contingency
     target_cycles: float | None  # None: without a fault
-    alone_cycles: float | None  # critical clearing time without the fleet
+    alone_cycles: float | None  # critical clearing time without the fleet, existing devices in service
     tried: int  # fleets
     operating_point: str = ""  # if there are several
     out: str = ""  # the device (machine@bus) that is out of service
+    existing: bool = False  # there are existing devices
 
     @property
     def label(self) -> str:
@@ -125,7 +128,8 @@ class Infeasible(NamedTuple):
             if self.alone_cycles is None
             else f"its critical clearing time is {self.alone_cycles:.2f} cycles"
         )
-        return f"{self.label} at {self.target_cycles:.2f} cycles: {none} (without storage {alone})."
+        without = f"without {'further ' * self.existing}storage"
+        return f"{self.label} at {self.target_cycles:.2f} cycles: {none} ({without} {alone})."
 
 
 class Evidence(NamedTuple):
@@ -137,6 +141,7 @@ class Evidence(NamedTuple):
     scale: float = 1.0  # of all sizes, or of the one of `site`
     without: str | None = None  # the device (machine@bus) that is removed
     site: str | None = None  # the only device (machine@bus) that `scale` changes
+    longer: bool = False  # simulated with twice the observation window
     refined: bool = False  # simulated with half the time step and twice the observation window
     control: str | None = None  # another controller
 
@@ -147,8 +152,13 @@ class Evidence(NamedTuple):
             return f"without {self.without}"
         if self.site:
             return f"{self.site} x{self.scale:.4g}"
-        also = [self.control] if self.control else [REFINED] if self.refined else []
+        also = list(filter(None, [self.control or self.setting]))
         return ", ".join(also if self.control and self.scale == 1 else [f"x{self.scale:.4g}", *also])
+
+    @property
+    def setting(self) -> str:
+        """How it was simulated, if not as in the search."""
+        return REFINED if self.refined else LONGER * self.longer
 
     @property
     def smaller(self) -> bool:

@@ -216,7 +216,7 @@ class Trials:
     def critical_time(self, mw: np.ndarray, k: int, control: Control = None) -> CriticalTime:
         """The critical clearing time of scenario k with a fleet (candidates, MW), also under another control."""
         row = self.ask("critical time", self.fleet(mw), k, control)
-        return CriticalTime(row.get("cycles"), bool(row["stable"]), json.loads(row["machine"]))
+        return CriticalTime(row.get("cycles"), bool(row["stable"]), json.loads(row["machine"]), bool(row["growing"]))
 
     def each(self, ask: Callable[[int], T], which: Iterable[int] | None = None) -> list[T]:
         """The results of `ask` for every scenario, or for these numbers, in parallel."""
@@ -255,12 +255,17 @@ class Trials:
         empty = {len(self.existing) + i for i in np.flatnonzero(mw == 0)}
         return self.only([k for k, one in enumerate(self.scenarios) if one.out not in empty])
 
+    def longer(self) -> "Trials":
+        """The same with twice the observation window."""
+        new = copy.copy(self)
+        new.search, new._known = replace(self.search, observed_s=2 * self.search.observed_s), {}
+        new._losses = Counter(self._losses)
+        return new
+
     def refined(self) -> "Trials":
         """The same with half the time step and twice the observation window."""
-        step = setup(self.point, step=self.search.step).step / 2
-        new = copy.copy(self)
-        new.search, new._known = replace(self.search, observed_s=2 * self.search.observed_s, step=step), {}
-        new._losses = Counter(self._losses)
+        new = self.longer()
+        new.search = replace(new.search, step=setup(self.point, step=self.search.step).step / 2)
         return new
 
     def target(self, k: int) -> float | None:

@@ -7,6 +7,7 @@ from ._buffers import NOTE
 from ._switching import coi
 
 FULL = 0.9  # of the rating: orders beyond it count as full
+MEMORY = 2.0  # s   over which reversals are counted
 BEHIND = 0.01  # of the rating: orders further from what is wanted are held back by a ramp limit
 DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, FREQUENCY, UNLOCKED, NEWTON = range(8)
 
@@ -48,7 +49,7 @@ def measure_excess(places, net, run, rules):
 
 @noinline
 def count_reversals(places, run, h):
-    """Count how often orders change between full charging and discharging: per second, over about the last one.
+    """Count how often orders change between full charging and discharging: per second, over about the last two.
 
     An order that a continuous law wants and that a ramp limit holds back counts by the direction in which it moves.
     """
@@ -59,9 +60,9 @@ def count_reversals(places, run, h):
         if places.follows:
             behind = min(max(run.s[places.wanted[j]], -1.0), 1.0) - order
             side = side if abs(behind) < BEHIND else 1.0 if behind > 0 else -1.0
-        turns[1, j] *= 1 - h
+        turns[1, j] *= 1 - h / MEMORY
         if side * turns[0, j] < 0:
-            turns[1, j] += 1
+            turns[1, j] += 1 / MEMORY
         if side != 0:
             turns[0, j] = side
 

@@ -76,6 +76,7 @@ class End(NamedTuple):
     frequency: float  # pu   of the critical phase-locked loop
     stalled: "Stalled"  # motor loads
     cycling: dict[str, float]  # 1/s   storage devices in a limit cycle, and how often they reverse
+    relay: bool  # the law is a relay without delay
     loop: "ControlLoop"  # that the control closes
     seen: Extremes | None  # of speeds and voltages; None if the signals were not recorded
     switching: Switching  # what is open, faulted or tripped
@@ -287,9 +288,10 @@ def _cycling(point: OperatingPoint, end: End) -> str:
     what = enumerated("storage device", end.cycling)
     verb, rate = "reverses" if len(end.cycling) == 1 else "reverse", max(end.cycling.values())
     limits = ", or from ramp limit to ramp limit" if any(s.ramp for s in point.case.storage) else ""
+    advice = "widen" if end.relay else "reduce its gain or delay, or widen"
     return (
         f"{what[0].upper()}{what[1:]} still {verb} between full charging and full discharging{limits}, up to "
-        f"{rate:.2g} times per second: a limit cycle of the control; reduce its gain or delay, or widen its deadband."
+        f"{rate:.2g} times per second: a limit cycle of the control; {advice} its deadband."
     )
 
 

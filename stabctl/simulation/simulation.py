@@ -27,7 +27,7 @@ from .trajectory import Happened, Trajectory
 
 FURTHER = 5.0  # s   by which a run is continued while its swings may grow
 REVERSALS = 5.0  # 1/s   of full power, from which on a storage device is in a limit cycle; swings make up to 4
-SLOW = 0.3  # 1/s   the same if the swings neither decay nor grow
+SLOW = 0.75  # 1/s   the same in swings that last: two reversals within the last 1.4 s, or more
 TIMED = _judgment.LOW_VOLTAGE, _judgment.FREQUENCY  # verdicts whose instant lies within a step
 
 
@@ -252,8 +252,7 @@ class Simulation:
             verdict, instant, self._on.network, self.speed, self._on.places.weight, rotor, bus, outside,
             self._taken_off, last, self._loop_frequency(verdict, rotor),
             stalled(self.point, self._run.s, self._on.network.net.alive), self._cycling(),
-            self._loop(), self._record.extremes,
-            self.switching,
+            self._relay, self._loop(), self._record.extremes, self.switching,
         )  # fmt: skip
         return outcome(self.point, end, self.setup.criterion)
 
@@ -269,6 +268,12 @@ class Simulation:
                 "and the root of a negative number."
             )
 
+    @property
+    def _relay(self) -> bool:
+        """Whether the law is a relay without delay."""
+        law = self.setup.parts.law
+        return law is not None and law.relay
+
     def _loop(self) -> ControlLoop:
         """The loop that the control closes."""
         apart, chatter = (bool(self._run.notes[note]) for note in (NOTE.open, NOTE.chatter))
@@ -283,7 +288,8 @@ class Simulation:
         if self._verdict != _judgment.DONE:
             return {}
         turns, names, last = self._run.watch.turns[1], naming.keys(self.point.case, "storage"), self.swings()
-        least = SLOW if last is not None and not (last.decaying or last.growing) else REVERSALS
+        lasting = last is not None and last.lasting and self.time > self._since + swings.SPAN - 1e-9
+        least = SLOW if lasting else REVERSALS
         return {str(name): float(rate) for name, rate in zip(names, turns, strict=True) if rate > least}
 
     def _loop_frequency(self, verdict: int, row: int) -> float:

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import control
 import numpy as np
 import pytest
 from hypothesis import given
@@ -239,6 +240,16 @@ def test_a_law_on_the_command_line(stabctl, tmp_path):
     code, _, said = stabctl(*fault, "--deadband", "50mHz")
     assert code == 2
     assert "have no effect with a storage law" in said
+
+
+@pytest.mark.parametrize("option", [("--deadband", "0.3"), ("--min-voltage", "0.5")])
+def test_siting_refuses_options_of_a_law_that_does_not_act(stabctl, tmp_path, option):
+    law = st.StorageLaw(angle_gain=1.0).save(tmp_path / "law.toml")
+    orders = st.Controller.from_control(control.tf(1.0, 1), "deviation:1", "order:1@5").save(tmp_path / "orders.toml")
+    for path, says in ((law, "have no effect with a storage law"), (orders, "no storage device has the bang-bang law")):
+        code, _, said = stabctl("place", "two_area", "--controller", path, *option)
+        assert code == 2
+        assert says in said
 
 
 def test_a_law_changes_nothing_at_rest(base):

@@ -5,6 +5,8 @@ import re
 
 import pytest
 
+import stabctl as st
+
 FAULT = ("two_area", "--fault", "7", "--trip", "7-8", "--storage", "50MW")
 
 
@@ -22,6 +24,19 @@ def test_estimate_prints_its_measures_and_draws(stabctl, tmp_path):
     again = json.loads(stabctl(*words, "--json")[1])
     assert all(again[k] == record[k] for k in names[:-1])
     assert "mHz" in stabctl(*words, "--classical", "--clear", "8cyc")[1]
+
+
+def test_the_table_says_from_when_on_the_errors_are_taken(stabctl):
+    """The fault, and the first 50 ms after its clearing, are left out."""
+    base = st.load("two_area").initialize(storage="50MW")
+    found = base.estimate(st.Contingency("7", trip="7-8", clear="11cyc"), "2.2s", seeds=1)
+    since = 1 + 11 / 60 + 0.05
+    assert found.judged_from_s == pytest.approx(since)
+    words = ("estimate", *FAULT, "--clear", "11cyc", "--observe", 2.2 - 1 - 11 / 60)
+    record = json.loads(stabctl(*words, "--json")[1])
+    assert record["judged_from_s"] == pytest.approx(since)
+    assert record["rmse_mhz"] == found.accuracy_between(since, 2.2).rmse_mhz != found.accuracy_between(1, 2.2).rmse_mhz
+    assert re.search(r"judged from\s+1\.233 s on, 50 ms after the last event", stabctl(*words)[1])
 
 
 def test_the_shares_of_wrong_commands_are_printed_in_percent(stabctl):

@@ -90,7 +90,9 @@ def _check_evidence(found):
     own = finer[0]
     assert own.scale == 1
     assert (own.lost == 0) is (len(finer) == 1)
-    assert any("this fleet does not survive" in one for one in found.reservations()) is (own.lost > 0)
+    assert any("step and twice the observation window, this fleet does not" in one for one in found.reservations()) is (
+        own.lost > 0
+    )
 
 
 def _check_records(found):

@@ -1,12 +1,14 @@
 """The whole study on few candidates: what it refuses, what it leaves out, what costs change; and its command."""
 
 import json
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.cli.place import _record
 from stabctl.controllers import BangBang
@@ -111,6 +113,9 @@ def test_a_fleet_at_its_caps_is_no_larger_fleet(cap, scales):
         def fleet(self, mw):
             return np.minimum(mw, cap)
 
+        def longer(self):
+            return self
+
         def refined(self):
             return self
 
@@ -134,9 +139,31 @@ def test_a_fleet_at_its_caps_is_no_larger_fleet(cap, scales):
 
     trials = Lost(existing=np.zeros(0), scenarios=(Scenario(NEAR_9),), cap=np.array([cap]))
     rows = evidence.table(trials, np.array([20.0]), [CriticalTime(1.0, True, None)], {"Kalman": None}, 0.1)
-    for found in ([row for row in rows if row.refined], [row for row in rows if row.control]):
+    for kind in ("longer", "refined", "control"):
+        found = [row for row in rows if getattr(row, kind)]
         assert [row.scale for row in found] == pytest.approx(scales)
         assert [row.mw for row in found] == pytest.approx([20 * scale for scale in scales])
+
+
+def test_a_fleet_that_is_lost_later_says_so():
+    """With the same step: half of it hides the loss. The swings grow before, as the search for a clearing time says."""
+    case, fault = st.load("two_area"), st.Contingency("7", trip="7-8", clear="10.5cyc")
+    converter = {"storage_model": "regc", "mva": "0.8pu"}
+    found = st.place(case, [fault], candidates=[(3, 11)], device=converter, observe="4s")
+    later = [row for row in found.evidence if row.longer]
+    for row in later:
+        point = case.with_storage({"3@11": f"{row.mw!r}MW"}, **converter).initialize()
+        ran = point.simulate(fault, until=1 + 10.5 / 60 + 8, control=st.BangBang())
+        assert row.lost == (not ran.outcome.stable)
+    assert [row.lost for row in later] == [1, 0]
+    assert [row.lost for row in found.evidence if row.refined] == [0]
+    point = case.with_storage({"3@11": f"{found.total_mw!r}MW"}, **converter).initialize()
+    end = point.clearing_time(fault, control=st.BangBang(), observe="4s", longest=0).swings
+    assert found.contingencies[0].growing
+    assert end.growing
+    said = str(found)
+    assert "With twice the observation window, this fleet does not survive 7 trip 7-8; use a longer" in said
+    assert "The swings after 7 trip 7-8 grow within the 4 s observed; with a longer observation window," in said
 
 
 def test_a_fleet_that_is_lost_with_half_the_step_says_so(both):
@@ -158,6 +185,20 @@ def test_where_nothing_is_curable(case):
         study(case, HOPELESS)
     with pytest.raises(StudyError, match=r"clearing time is 4\.2"):
         study(case, NEAR_9, cap="1MW")
+
+
+def test_the_clearing_time_of_a_hopeless_fault_is_that_with_the_existing_devices():
+    """Of the fleet alone nothing acts: existing devices follow their law."""
+    case, fault = st.load("two_area"), st.Contingency("7", trip="7-8", clear="25cyc")
+    stored = case.with_storage("1=20MW,4=60MW")
+    for one, law, without in ((case, None, "storage"), (stored, st.BangBang(), "further storage")):
+        alone = one.clearing_time(fault, control=law, observe="2s", longest=0)
+        with pytest.raises(StudyError) as refused:
+            st.place(one, [fault], cap="1MW", candidates=[(1, 5)], observe="2s")
+        said = re.search(r"\(without ([a-z ]+) its critical clearing time is ([0-9.]+) cycles\)", str(refused.value))
+        assert said
+        assert said[1] == without
+        assert float(said[2]) == pytest.approx(alone.cycles, abs=0.126)  # 0 and 0
 
 
 def test_what_needs_no_storage_gets_none(case):

@@ -119,6 +119,9 @@ def test_finer_and_longer(point, trials):
     assert ran.step == 1 / 240
     assert ran.time[-1] == pytest.approx(TO_SURVIVE[0].clear + 4.0)
     assert finer.fleets(0) == 0
+    longer = trials.longer()
+    assert longer.search == replace(trials.search, observed_s=4.0)
+    assert longer.fleets(0) == 0
 
 
 def test_the_count_is_told(point):

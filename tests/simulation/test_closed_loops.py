@@ -296,6 +296,29 @@ def test_a_limit_cycle_at_full_power_is_named(points, law, cycles):
         )
 
 
+@pytest.mark.parametrize(("storage", "until"), [("50MW", 3), ("20MW", 3), ("20MW", 5), ("5MW", 3), ("5MW", 5)])
+def test_orders_that_follow_swings_for_a_while_are_no_limit_cycle(points, storage, until):
+    """Undelayed, the law opposes every swing; its orders reverse with them, twice per period of 0.6 Hz at most."""
+    ran = stored(points, "two_area_thyristor", storage).simulate(
+        st.Contingency("7", clear=0.1, at=0.1), until, control=st.BangBang()
+    )
+    reversals = max((np.diff(np.sign(one[one != 0])) != 0).sum() for one in ran.arrays.order.T)
+    assert 1 <= reversals < 1.3 * until  # 2 to 6
+    assert not ran.outcome.cycling
+    assert "limit cycle" not in str(ran)
+
+
+def test_the_advice_on_a_limit_cycle_fits_the_law(points):
+    """A relay without delay has neither a gain nor a delay to reduce."""
+    point, event = stored(points, "two_area"), st.Contingency("7-8@0.4", clear="10cyc")
+    relay = st.BangBang(deadband=0.0)
+    assert str(point.simulate(event, control=relay).outcome).endswith(
+        "a limit cycle of the control; widen its deadband."
+    )
+    late = str(point.simulate(event, control=relay.sampled(60, "200ms")).outcome)
+    assert "a limit cycle of the control; reduce its gain or delay, or widen its deadband." in late
+
+
 def test_the_rate_of_a_limit_cycle(points):
     """A late controller of high gain: as many reversals as its order makes in the last second."""
     point = stored(points, "two_area", "200MW")

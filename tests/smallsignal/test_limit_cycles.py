@@ -91,6 +91,17 @@ def swing(trial, base, until=120.0):
     return run.time, 1e3 * base.case.frequency_hz * (speed[:, i] - speed[:, rest] @ H[rest] / H[rest].sum())
 
 
+@pytest.mark.parametrize("name", ["relay 0.6 mHz, 400 ms", "relay 6 mHz, 500 ms", "relay 6 mHz, 100 ms"])
+def test_the_outcome_names_a_slow_limit_cycle(name):
+    """Relays of the page reverse twice per period, as slowly as machines swing, at whatever phase the run ends."""
+    trial = CYCLES[name]
+    base, bus = trial.base(), 5 if trial.case == "wscc9" else 7
+    events = [st.LoadStep(bus, "0.1s", p=trial.pulse), st.LoadStep(bus, "0.6s", p=-trial.pulse)]
+    for until in (20.0, 20.3, 20.6):
+        ran = base.simulate(events, until, control=trial.controller(base))
+        assert ran.outcome.cycling == (f"{trial.machine}@{7 if trial.case == 'wscc9' else 5}",)
+
+
 def steady(t, y, last=25.0):
     """Frequency (Hz) and amplitude of the fundamental of the last seconds, in whole periods."""
     t, y = t[t > t[-1] - last], y[t > t[-1] - last]
