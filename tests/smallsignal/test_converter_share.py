@@ -73,5 +73,5 @@ def test_a_simulation_has_the_rate_of_the_least_damped_mode(share, series, count
     s = found.modes.eigenvalues[found.mode]
     assert found.modes.stable == stable
     assert (s.real < 0) == stable
-    assert found.rate.real == pytest.approx(s.real, rel=2e-3)  # 9e-4
+    assert found.rate.real == pytest.approx(s.real, rel=6e-3)  # 4e-3 with 100 kW: states at rest drift by 1e-7
     assert found.rate.imag == pytest.approx(s.imag, rel=1e-3)  # 2e-4, on another processor 7e-4
