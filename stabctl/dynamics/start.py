@@ -219,16 +219,20 @@ def _power_of_loads(
     V = s[system.layout.voltages].view(complex)
     current = -system.fixed * V
     of_loads = [one for one in injected if one[0].device.role == "load"]
+    models = {k: f.device.name for f, bus, _ in of_loads if f.name != "zip_load" for k in bus.tolist()}
+    if not models:
+        return
     for _, bus, more in of_loads:
         np.add.at(current, bus, more)
-    for f, bus, _ in of_loads:
-        for k in bus.tolist() if f.name != "zip_load" else ():
-            number, drawn = case.buses[k].bus, -case.base_mva * V[k] * current[k].conj()
-            wanted = sum(zip_load.drawn(load, abs(V[k])) for load in case.loads if load.bus == number)
-            if not abs(drawn - wanted) < POWER * max(1.0, abs(wanted)):
-                raise EquilibriumError(
-                    f"With the model {f.device.name}, the loads at bus {number} of {case.name} draw "
-                    f"{drawn.real:.5g} MW and {drawn.imag:.5g} Mvar at the power flow instead of "
-                    f"{wanted.real:.5g} MW and {wanted.imag:.5g} Mvar; the current into the bus "
-                    "must be that of -(P0 + jQ0) at V0."
-                )
+    wanted, drawn = np.zeros(len(V), complex), -case.base_mva * V * current.conj()
+    for load in case.loads:
+        k = case.row_of_bus[load.bus]
+        wanted[k] += zip_load.drawn(load, abs(V[k]))
+    for k, model in models.items():
+        if not abs(drawn[k] - wanted[k]) < POWER * max(1.0, abs(wanted[k])):
+            raise EquilibriumError(
+                f"With the model {model}, the loads at bus {case.buses[k].bus} of {case.name} draw "
+                f"{drawn[k].real:.5g} MW and {drawn[k].imag:.5g} Mvar at the power flow instead of "
+                f"{wanted[k].real:.5g} MW and {wanted[k].imag:.5g} Mvar; the current into the bus must be that of "
+                "-(P0 + jQ0) at V0."
+            )

@@ -32,7 +32,7 @@ from stabctl.simulation.simulate import simulate
 from stabctl.simulation.trajectory import Trajectory
 
 JobKind = Literal["clearing-time", "simulate"]
-FORMAT = 7  # of keys and rows; raised when a job or a result changes its meaning
+FORMAT = 8  # of keys and rows; raised when a job or a result changes its meaning
 
 
 class Job(NamedTuple):
@@ -188,7 +188,13 @@ def _control(
     needed = point.case.storage if job.estimator == "ideal" or own else True
     acts = list(own)
     if needed and job.control != "none":
-        acts = with_law(own, BangBang(job.deadband, job.min_voltage))
+        law = BangBang(job.deadband, job.min_voltage)
+        acts = with_law(own, law)
+        if law not in acts and law != BangBang():
+            raise StudyError(
+                "deadband_hz and min_voltage_pu have no effect, because the bang-bang law is not in use: the study has "
+                "controllers of the orders, or a law from a file; leave them out."
+            )
     if job.estimator == "ideal":
         return acts
     if not acts:

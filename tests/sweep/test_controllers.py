@@ -85,3 +85,11 @@ def test_controllers_of_the_command_act_in_every_job(stabctl, write, tmp_path):
     code, shown, _ = stabctl("sweep", "show", out)
     assert code == 0
     assert "gain.toml" in "".join(shown.split())  # a long path is folded
+
+
+def test_thresholds_of_a_law_that_is_not_in_use_are_refused(write, tmp_path):
+    gain(2e3).save(tmp_path / "gain.toml")
+    path = write(STUDY.replace('["", "gain.toml"]', '"gain.toml"') + "deadband_hz = 0.3\n")
+    (task,) = tasks(study_file.read(path), path)
+    with pytest.raises(StudyError, match="have no effect, because the bang-bang law is not in use"):
+        run_job(task)
