@@ -4,6 +4,7 @@ Machines 1021 and 1022 stand at bus 1001, 1023 at bus 1003 (swing) and 1024 at b
 Storage has other ratings, energies, ramps, lags and characteristics at each machine.
 """
 
+from dataclasses import replace
 from functools import cache
 
 from islands import SHIFT, joined
@@ -76,6 +77,13 @@ def mixed():
 def mixed_point():
     """Their operating point."""
     return operating_point.solve(mixed())
+
+
+@cache
+def without_ramps():
+    """The same without ramp limits of storage, which controllers of orders do not keep."""
+    case = mixed()
+    return operating_point.solve(replace(case, storage=tuple(s._replace(ramp=0.0) for s in case.storage)))
 
 
 NORTH = 21 + SHIFT

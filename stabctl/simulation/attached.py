@@ -103,11 +103,11 @@ def _opening(point: OperatingPoint, signal: str) -> Signal:
     return found[0]
 
 
-def _check_ramps(point: OperatingPoint, controllers: Iterable[Named]) -> None:
-    """Refuse controllers of devices with a ramp limit, which stands between a law and the order of its device."""
-    case = point.case
+def check_ramps(what: Attached) -> None:
+    """Refuse to simulate controllers of devices with a ramp limit, which stands between a law and its device."""
+    case = what.point.case
     limited = {str(key) for key, s in zip(naming.keys(case, "storage"), case.storage, strict=True) if s.ramp}
-    for c in controllers:
+    for c in what.named:
         for driven in (s.place for s in c.outputs if s.kind == "order" and str(s.place) in limited):
             raise StudyError(
                 f"Controller {c.controller.name} drives the order of storage {driven}, whose ramp limit holds for laws "
@@ -138,7 +138,6 @@ class _Attachment:
         self.unit = {m.machine: i for i, m in enumerate(point.case.machines)}
         for signal in dict.fromkeys(s for c in controllers for s in c.outputs):
             self.ports[signal] = self._ports(signal)
-        _check_ramps(point, controllers)
 
     def _ports(self, signal: Signal) -> list[tuple[int, int, int]]:
         """The inputs of devices that a signal drives."""

@@ -14,7 +14,7 @@ from stabctl.model.network import Switching
 
 from . import loop_eigenvalues, steps
 from ._places import Places
-from .attached import Attached, attached
+from .attached import Attached, attached, check_ramps
 from .control import Acting, Control, acting
 from .criterion import DEFAULT, Criterion, numbers, with_frequency
 from .stages import constants
@@ -80,6 +80,7 @@ def setup(
     """
     parts = acting(control)
     given = attached(point, parts.controllers, parts.measured)
+    check_ramps(given)
     system = wired(given.point, parts.law, given.rates, given.gates)
     loop = loop_eigenvalues.eigenvalues(given, parts.law, system)
     longest = parts.law.step if parts.law else steps.STEP

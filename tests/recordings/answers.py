@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from asgi import ask
 from described import described, drawn
-from mixed import mixed_point
+from mixed import mixed_point, without_ramps
 from packed import unpacked
 from recordings.features import FAULT, run_of_every_event
 from recordings.studies import STUDIES, called, dampers, lines, recorded
@@ -132,7 +132,11 @@ def _():
         "gated": [replace(one, gate=st.Gate("voltage:1002", low=0.7, start=0.1)), two],
         "reserve": st.EstimatorControl(st.BangBang(0.03), "ideal", st.Pmu.exact(50)),
     }
-    runs = {name: mixed_point().simulate(FAULT, "0.5s", control=law, every="20ms") for name, law in laws.items()}
+    points = {"gated": without_ramps()}
+    runs = {
+        name: points.get(name, mixed_point()).simulate(FAULT, "0.5s", control=law, every="20ms")
+        for name, law in laws.items()
+    }
     return {
         "laws": {name: str(law) for name, law in laws.items()},
         "orders": {name: run.values("storage_order") for name, run in runs.items()},

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import control
 from described import CLOCKED, FIRST, LEAST, MANY, described, drawn, timeless
-from mixed import mixed, mixed_point, second
+from mixed import mixed, mixed_point, second, without_ramps
 from systems import REEC, REGC_C, small
 from terminal import said
 
@@ -183,7 +183,7 @@ def second_point():
 
 @recorded("controllers of two islands")
 def _():
-    point, both = mixed_point(), dampers()
+    point, both = without_ramps(), dampers()
     run = point.simulate(st.Contingency("1002-1003#1@0.3", clear="3cyc", at=0.1), until=1.5, control=list(both))
     closed = point.closed_loop(*both)
     pairs = design.pairs(
