@@ -85,7 +85,9 @@ class Device:
     current: Equation = _equation("x i u v v1 v2 p", "current into the bus or buses, pu on the system base")
     step: Equation = _equation("x u v y p", "Output, or State and Output, of a law: once per time step")
     prepare: Equation = _equation("p", "Par, with the parameters that follow from others")
-    guess: Equation = _equation("V I p", "State from which initialization starts; V and I complex, pu")
+    guess: Equation = _equation(
+        "V I p", "State from which initialization starts; V and I complex, pu; I on the base of the unit"
+    )
     automatic: Equation = _equation("p u y", "Par, with the parameters that follow from the starting point")
     inertia: Equation = _equation("p", "inertia constant of a virtual rotor, s on its own base")
     loops: Equation = _equation("p", "LOOPS, where parameters decide what a loop holds")
