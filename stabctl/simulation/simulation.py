@@ -75,7 +75,7 @@ class Simulation:
         self._verdict = _judgment.DONE
         self._finished: Trajectory | None = None
         self._swings: tuple[float, Swings | None] | None = None  # instant and last swings then
-        self._at, self._since = 0, start
+        self._at, self._since, self._start = 0, start, start
         self._off = np.full(len(point.case.machines), np.inf)
         while self._at + 1 < len(self.changes) and self.changes[self._at + 1].at <= start + 1e-9:
             self._at += 1
@@ -287,7 +287,8 @@ class Simulation:
         """
         if self._verdict != _judgment.DONE:
             return {}
-        turns, names, last = self._run.watch.turns[1], naming.keys(self.point.case, "storage"), self.swings()
+        elapsed, names, last = self.time - self._start, naming.keys(self.point.case, "storage"), self.swings()
+        turns = self._run.watch.turns[1] / -np.expm1(-max(elapsed, 1.0) / _judgment.MEMORY)  # a mean of what there is
         lasting = last is not None and last.lasting and self.time > self._since + swings.SPAN - 1e-9
         least = SLOW if lasting else REVERSALS
         return {str(name): float(rate) for name, rate in zip(names, turns, strict=True) if rate > least}
