@@ -258,9 +258,9 @@ class Simulation:
 
     def _check_orders(self) -> None:
         """Raise `StudyError` if the law gives no finite orders, although what it reads is finite."""
-        s, read = self._run.s, np.r_[self.point.layout.voltages, self.point.rotors.speed, self.point.rotors.angle]
+        s, layout, rotors = self._run.s, self.point.layout, self.point.rotors
         wrong = np.flatnonzero(~np.isfinite(s[self.wired.wanted]))
-        if len(wrong) and np.isfinite(s[read]).all():
+        if len(wrong) and all(np.isfinite(s[at]).all() for at in (layout.voltages, rotors.speed, rotors.angle)):
             names = naming.keys(self.point.case, "storage")
             raise StudyError(
                 f"The law {self.setup.parts.law} has no finite order at {self.time:.3f} s for ESD "
