@@ -194,7 +194,7 @@ class SearchOptions(NamedTuple):
     """The search for a critical clearing time."""
 
     resolution: options.Resolution = "0.125cyc"
-    limit: options.Limit = "60cyc"
+    limit: options.OwnLimit = "60cyc"
     observe: options.Observe = "5s"
     longest: options.Longest = "20s"
     scan: options.Scan = "auto"

@@ -230,9 +230,9 @@ Scan = Annotated[
         "auto: 4cyc above, and 0.5cyc to 2cyc below, as its swings demand.",
     ),
 ]
-Limit = Annotated[
-    str, Option("--limit", metavar="TIME", parser=time, help="Longest clearing time that is tried, s or 60cyc.")
-]
+_LIMIT = Option("--limit", metavar="TIME", parser=time, help="Longest clearing time that is tried, s or 60cyc.")
+Limit = Annotated[str, _LIMIT]
+OwnLimit = Annotated[str | None, _LIMIT]  # None: as the function called with it says
 Angle = Annotated[
     float,
     Option(

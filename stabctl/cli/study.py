@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from stabctl.assessment import Study
 
 INSECURE = 1  # exit code
+SEARCH = groups.SearchOptions(limit=None)  # 60 cycles, or the clearing time if that is longer
 Files = Annotated[
     list[Path],
     Argument("[X.dyr] [STUDY.toml]", "The DYR file of x.raw; options of this command, such as clear.", None, given),
@@ -58,7 +59,7 @@ def study(
     by: options.Criteria = None,
     remedies: Remedies = "all",
     prices: Prices = None,
-    search: groups.SearchOptions,
+    search: groups.SearchOptions = SEARCH,
     control: options.Control = None,
     controller: options.Controllers = None,
     storage: groups.StorageOptions,
@@ -113,7 +114,7 @@ def study(
             scheduler=scheduler,
             progress=tell,
             each=partly if report else None,
-            **search._asdict(),
+            **{name: value for name, value in search._asdict().items() if value is not None},
         )
     written = [found.save(out) if out else None, *pages[-1:]]
     _show(found, as_json)

@@ -337,7 +337,7 @@ def test_the_lines_of_the_page_compute_its_numbers(stabctl, tmp_path):
     assert f"max_angle={float(np.deg2rad(120))!r}" in lines
 
 
-def test_a_clearing_time_beyond_the_search_is_no_verdict(base):
+def test_a_clearing_time_beyond_the_search_is_no_verdict(base, stabctl):
     """With a limit of 5 cycles all four counted as lost with 9 cycles, though three survive 15 cycles and more."""
     common = {"faults": "lines", "worst": 0, "remedies": "none"}
     with pytest.raises(StudyError, match="shorter than the clearing time that protection guarantees, clear = 9 cycles"):
@@ -346,6 +346,10 @@ def test_a_clearing_time_beyond_the_search_is_no_verdict(base):
     with pytest.raises(StudyError, match="ends at limit = 8 cycles, but 9 trip 8-9 is cleared after 12 cycles"):
         st.study(base, clear="4cyc", limit="8cyc", **common | {"faults": own})
     assert st.study(base, clear="70cyc", **common | {"faults": own[:1]}).screen.search.limit_cycles == 70
+    words = "study two_area --clear 70cyc --faults lines --worst 0 --remedies none --json"
+    code, out, _ = stabctl(*words.split())
+    assert code == 1
+    assert all(row["required_cycles"] == 70 for row in json.loads(out)["contingencies"])
 
 
 def test_a_clearing_time_between_two_points_of_the_search_is_said(base):
