@@ -1,5 +1,6 @@
 """Fixtures: packaged cases and their operating points, made once, and the reference data."""
 
+import gc
 import sys
 from functools import cache
 from pathlib import Path
@@ -21,6 +22,11 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 )
 settings.load_profile("stabctl")
+
+
+def pytest_collection_finish():
+    """What is imported stays; the collector need not look through it again and again."""
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")
