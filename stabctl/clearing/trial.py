@@ -223,10 +223,8 @@ class Trial:
 
     def simulate(self, k: int, record: Recorded = False) -> Trajectory:
         """The run cleared at the grid's point k, until the observation after the last event ends."""
-        last, search = self.last_event(k), self.search
-        return run_of(
-            self.setup, self.events(k), last + search.observed_s, record=record, longest=last + search.longest_s
-        )
+        last, how = self.last_event(k), self.search
+        return run_of(self.setup, self.events(k), last + how.observed_s, record=record, longest=last + how.longest_s)
 
     @cached_property
     def placed(self) -> Contingency:
