@@ -180,3 +180,16 @@ def test_the_commands(stabctl, tmp_path):
     assert (code, "beyond, PRC-024-3, below 0.45 pu" in " ".join(out.split())) == (0, True)
     code, _, err = stabctl("screen", "two_area", "--criteria", "nerc")
     assert (code, "There are no criteria 'nerc'" in err) == (2, True)
+
+
+def test_swings_that_must_decay_bound_a_clearing_time(tmp_path):
+    """Without damping they do not, however small they are: only without a fault there are none."""
+    ours = criteria(tmp_path, '[[swings]]\nname = "damping"\nmust = "decay"\n')
+    how = {"criteria": ours, "resolution": "1cyc", "limit": "20cyc"}
+    case = st.load("two_area")
+    damped, undamped = (one.clearing_time("7", **how) for one in (case, case.classical()))
+    for run in (*damped.runs, *undamped.runs):
+        assert run.stable == (run.outcome.value == "stable" and run.swings.decaying)
+    assert undamped.cycles == 0
+    assert undamped.limit == "damping: machine 4"
+    assert damped.cycles > 3
