@@ -409,7 +409,7 @@ def test_the_lowest_voltage_is_that_after_clearing(base):
 
 
 def test_the_worst_that_keep_the_criteria_are_judged_as_long_as_any_run(base, tmp_path):
-    """A rule for later times is judged, too: the load that is lost after 6 s raises the frequency."""
+    """A rule may be for later times."""
     path = tmp_path / "own.toml"
     path.write_text('title = "ours"\n[[frequency]]\nname = "late"\nbelow = 59.0\n')
     study = base.study("4cyc", faults=[st.Contingency("8", trip="7-8")], criteria=path, **ALONE)
