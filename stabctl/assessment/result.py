@@ -11,7 +11,6 @@ from stabctl._util import files
 from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular, inert
 from stabctl._util.units import cycles
-from stabctl._util.validation import checks_arguments
 from stabctl._util.verbs import verb
 from stabctl._util.wording import counted
 from stabctl.clearing import ClearingTime, Screen, Severity
@@ -19,6 +18,7 @@ from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.io.contingencies import Monitored
 from stabctl.judgment import Criteria, Judged, judge
 from stabctl.model import naming
+from stabctl.model.case import Case
 from stabctl.model.powerflow import PowerFlow
 from stabctl.model.short_circuit import ShortCircuitRatio
 from stabctl.model.unusual import UnusualData
@@ -58,7 +58,7 @@ class Margin(NamedTuple):
     @property
     def secure(self) -> bool:
         """Whether it is survived."""
-        return self.cycles >= 0
+        return self.cycles >= 0 and self.found.status != "unstable_at_zero"
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -122,7 +122,7 @@ class Study(Tabular):
         """The contingencies, the smallest margin first."""
         pairs = self.screen.pairs if self.screen else ()
         found = [Margin(p, p.reach_cycles - (need := self._required(p)), need) for p in pairs]
-        return tuple(sorted(found, key=lambda m: m.cycles))
+        return tuple(sorted(found, key=lambda m: (m.cycles, m.secure)))
 
     def _required(self, found: ClearingTime) -> float:
         """Clearing time, cycles, of a contingency itself, or else that which protection guarantees."""
@@ -134,33 +134,22 @@ class Study(Tabular):
         """The contingencies that are not survived with the required clearing time."""
         return tuple(m for m in self.margins if not m.secure)
 
-    @checks_arguments
-    def runs(self, count: int) -> list[tuple[Contingency, float]]:
-        """The contingencies with the smallest margins, cleared after the required time, and the end (s) of each run.
-
-        It is as long as a run of the screen; with criteria as long as the longest, since they may be for later times.
-
-        Parameters
-        ----------
-        count : int
-            Number of contingencies.
-
-        Returns
-        -------
-        list of tuple
+    @property
+    def runs(self) -> list[tuple[Contingency, float]]:
+        """The contingencies of `worst`, cleared after the required time, and an end (s) to `simulate` each run again.
 
         Examples
         --------
-        >>> study = st.study(st.load("two_area"), clear="10cyc", faults="lines", worst=0)
-        >>> [(contingency.label, round(until, 3)) for contingency, until in study.runs(2)]
-        [('7 trip 7-8', 6.167), ('9 trip 8-9', 6.167)]
+        >>> study = st.study(st.load("two_area"), clear="10cyc", faults="lines", worst=2)
+        >>> [(contingency.label, round(until, 3)) for contingency, until in study.runs]
+        [('7 trip 7-8', 21.167), ('9 trip 8-9', 6.167)]
         """
-        if self.screen is None:
-            return []
-        case, search = self.point.case, self.screen.search
-        observed = max(search.observed_s, search.longest_s if search.criteria else 0.0)
-        every = [m.found.contingency.with_clear(m.required / case.frequency_hz) for m in self.margins[:count]]
-        return [(one, max(event.at for event in one.timed(case)) + observed) for one in every]
+        found = []
+        for m, run in zip(self.margins, self.worst, strict=False):
+            one, last = cleared(m, self.point.case)
+            longest = max(m.found.search.observed_s, m.found.search.longest_s)  # one that is lost ends earlier
+            found.append((one, run.outcome.time_s if run.outcome.stable else last + longest))
+        return found
 
     @property
     def oscillations(self) -> tuple[int, ...]:
@@ -307,11 +296,12 @@ class Study(Tabular):
             if lost:
                 first, be = lost[0].found, "is" if len(lost) == 1 else "are"
                 when = f"critical after {_cycles(first.reach_cycles)}"
-                when = "lost even if cleared at once" if first.status == "unstable_at_zero" else when
-                if -(grid := first.search.resolution_cycles) < lost[0].cycles:  # a time between two points
+                if first.status == "unstable_at_zero":
+                    when = "lost even if cleared at once"
+                elif -(grid := first.search.resolution_cycles) < lost[0].cycles:  # a time between two points
                     when += f" (only multiples of {_cycles(grid)} were tried)"
                 said.append(
-                    f"{case}: {len(lost)} of {number} {be} not survived with a clearing time of "
+                    f"{case}: {len(lost)} of {number} {be} not survived with every clearing time up to "
                     f"{_cycles(wanted.cycles)}{own}. The worst is {first.contingency.label}, {when}, limited by "
                     f"{first.limit}."
                 )
@@ -363,6 +353,12 @@ class Settings(NamedTuple):
     criteria: Criteria | None = None
     remedies: tuple[str, ...] = ()  # that are looked for
     source: str = ""  # how its system is made in Python, if that is known
+
+
+def cleared(m: Margin, case: Case) -> tuple[Contingency, float]:
+    """A contingency cleared after the required time, and the instant (s) of its last event."""
+    one = m.found.contingency.with_clear(m.required / case.frequency_hz)
+    return one, max(event.at for event in one.timed(case))
 
 
 def _cycles(number: float) -> str:

@@ -16,6 +16,7 @@ from stabctl._util.units import cycles, quantity
 from stabctl._util.validation import checks_arguments
 from stabctl.clearing import ClearingTime, Screen, Severity, screen
 from stabctl.clearing.screen_result import Lines
+from stabctl.clearing.trial import observed
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
 from stabctl.io.contingencies import monitored as monitored_by
 from stabctl.judgment import Criteria
@@ -25,15 +26,15 @@ from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.model.short_circuit import installed, short_circuit_ratio
 from stabctl.simulation.contingency import Contingency
-from stabctl.simulation.control import Control
+from stabctl.simulation.control import Control, idle
 from stabctl.simulation.criterion import DEFAULT, Criterion
-from stabctl.simulation.simulate import simulate
+from stabctl.simulation.setup import setup
 from stabctl.smallsignal.analysis import DAMPING, modes
 
 from .prices import Prices
 from .prices import prices as priced
 from .remedies import Asked, applicable, kinds, remedy
-from .result import BAND, NORMAL, Settings, Study, Wanted
+from .result import BAND, NORMAL, Settings, Study, Wanted, cleared
 
 EVERY = 20.0  # s   between two partial studies during the screen
 AT_FIRST = 2.0, 3.0, 5.0  # s   between the first ones
@@ -215,8 +216,10 @@ class _Work(NamedTuple):
                     f"is cleared after {m.required:g} cycles; give a limit of at least that."
                 )
         yield now
-        same: Any = {"control": how.control, "criterion": done.search.criterion, "step": done.search.step}
-        yield replace(now, worst=tuple(simulate(point, *one, **same) for one in now.runs(self.worst)))
+        search = done.search
+        system = setup(point, how.control, step=search.step, criterion=search.criterion)
+        runs = (observed(system, *cleared(m, case), search, late=True)[0] for m in now.margins[: self.worst])
+        yield replace(now, worst=tuple(replace(run, idle=idle(case, how.control)) for run in runs))
 
     def again(self, study: Study, point: OperatingPoint, control: Control) -> Study:
         """The same study of a changed system."""

@@ -16,7 +16,7 @@ from stabctl._util.errors import StudyError
 from stabctl._util.units import cycles, seconds
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.model.case import Case
-from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.contingency import Contingency, Disturbance
 from stabctl.simulation.control import Control, acting
 from stabctl.simulation.criterion import DEFAULT, Criterion, checked
 from stabctl.simulation.events import Event, Fault
@@ -28,7 +28,7 @@ from stabctl.simulation.swings import Swings, group
 from stabctl.simulation.trajectory import Trajectory
 
 if TYPE_CHECKING:  # pydantic, which reads criteria, is imported where there are some
-    from stabctl.judgment import Criteria, Violation
+    from stabctl.judgment import Criteria, Judged, Violation
 
 LONGEST_SCAN = 600.0  # cycles
 AUTO = "auto"  # a scan of `BELOW`, as the swings of the answer demand, and of `ABOVE`
@@ -221,11 +221,10 @@ class Trial:
         """Instant (s) of the last event at the grid's point k."""
         return max([self.cleared(k), *(e.at for e in self.events(k))])
 
-    def simulate(self, k: int, record: Recorded = False, observe: float | None = None) -> Trajectory:
-        """The run cleared at the grid's point k, until the observation (s) after the last event ends."""
-        last = self.last_event(k)
-        until, longest = last + (observe or self.search.observed_s), last + self.search.longest_s
-        return run_of(self.setup, self.events(k), until, record=record, longest=longest)
+    def simulate(self, k: int, record: Recorded = False) -> Trajectory:
+        """The run cleared at the grid's point k, until the observation after the last event ends."""
+        last, how = self.last_event(k), self.search
+        return run_of(self.setup, self.events(k), last + how.observed_s, record=record, longest=last + how.longest_s)
 
     @cached_property
     def placed(self) -> Contingency:
@@ -257,21 +256,12 @@ class Trial:
         )
 
     def judged(self, k: int) -> tuple[Trajectory, "Violation | None", str]:
-        """The run cleared at the grid's point k, its first violation of the criteria, and for what it is too short.
-
-        A run that is too short is repeated with the longest observation.
-        """
-        search = self.search
-        if search.criteria is None:
-            return self.simulate(k, record="rotors"), None, ""
-        from stabctl.judgment import judge
-
-        ran = self.simulate(k, record=True)
-        found = judge(ran, search.criteria)
-        if found.kept and found.undecided and search.longest_s > search.observed_s:
-            ran = self.simulate(k, record=True, observe=search.longest_s)
-            found = judge(ran, search.criteria)
-        first = min(found.violations, key=lambda one: one.at_s, default=None) if ran.outcome.stable else None
+        """The run cleared at the grid's point k, its first violation of the criteria, and for what it is too short."""
+        record: Recorded = self.search.criteria is not None or "rotors"
+        ran, found = observed(self.setup, self.events(k), self.last_event(k), self.search, record)
+        if found is None:
+            return ran, None, ""
+        first = min(found.violations, key=lambda one: one.from_s, default=None) if ran.outcome.stable else None
         return ran, first, "".join(found.undecided[:1])
 
     def guess(self) -> int:
@@ -282,6 +272,27 @@ class Trial:
         end = run_of(self.setup, [fault], self.at + longest, record=False).outcome
         cycles = search.limit_cycles / SUSTAINED if end.stable else (end.time_s - self.at) * hz
         return int(SUSTAINED * cycles / search.resolution_cycles)
+
+
+def observed(
+    system: Setup, what: Disturbance, last: float, search: Search, record: Recorded = True, late: bool = False
+) -> "tuple[Trajectory, Judged | None]":
+    """A run as a search observes it after its last event (s), and how it keeps the criteria, if there are any.
+
+    It goes on while the swings have not settled. A run that keeps the criteria but is too short for some of them is
+    repeated with the longest observation; with `late` every run that keeps them is.
+    """
+    longest = last + search.longest_s
+    ran = run_of(system, what, last + search.observed_s, record=record, longest=longest)
+    if search.criteria is None:
+        return ran, None
+    from stabctl.judgment import judge
+
+    found = judge(ran, search.criteria)
+    if found.kept and (found.undecided or late) and search.longest_s > search.observed_s:
+        ran = run_of(system, what, longest, record=record)
+        found = judge(ran, search.criteria)
+    return ran, found
 
 
 def margin(trajectory: Trajectory, cleared_s: float) -> Margin | None:

@@ -14,6 +14,7 @@ from stabctl._util.errors import StudyError
 from stabctl._util.tabular import Tabular
 from stabctl._util.units import radians, seconds
 from stabctl._util.wording import counted
+from stabctl.simulation.swings import LEAST, SPAN
 from stabctl.simulation.trajectory import Trajectory
 
 from .criteria import Angle, Criteria, Frequency, Swings, Voltage, criteria
@@ -29,8 +30,8 @@ class Violation(NamedTuple):
 
     rule: str
     where: str  # bus 7, machine 2
-    at_s: float  # s   when the limit was passed
-    value: float  # the extreme value, in `unit`
+    from_s: float  # s   from when on it was not allowed
+    extreme: float  # the value farthest beyond the limit, in `unit`, which may be at another instant
     unit: str
     limit: str
 
@@ -40,7 +41,8 @@ class Violation(NamedTuple):
         return f"{self.rule}: {self.where}"
 
     def __str__(self) -> str:
-        return f"{self.label}, {self.value:.4g} {self.unit} at {self.at_s:.3f} s; {self.limit}."
+        since = f"not allowed from {self.from_s:.3f} s on"
+        return f"{self.label}, {self.extreme:.4g} {self.unit} at worst, {since}; {self.limit}."
 
 
 @dataclass(frozen=True, repr=False)
@@ -138,10 +140,7 @@ class _Seen:
         self.held[[row - 1 for row in rows if 0 < row < len(self.time)]] = True
         faulted = [c.at for c in changes if c.switching.faulted]
         self.fault = faulted[0] if faulted else (changes[0].at if changes else 0.0)
-        after = [c.at for c in changes if not c.switching.faulted and c.at >= self.fault]
-        self.cleared = next(
-            (at for at in after if not any(f > at for f in faulted)), self.time[-1] if faulted else self.fault
-        )
+        self.cleared = min(run.happened.cleared_s, self.time[-1]) if faulted else self.fault
 
     def of(self, rule: Any) -> "Iterator[Violation | str]":
         """Violations of a rule, and what the run is too short for."""
@@ -168,7 +167,7 @@ class _Seen:
             base = float(before[k]) if rule.of == "before" else 1.0
             unit = "of its initial value" if rule.of == "before" else "pu"
             told = f"{'below' if sign > 0 else 'above'} {level:g} {unit}"
-            place = Place(f"bus {b.bus}", size[:, k], sign, level * base, "pu", told)
+            place = Place(f"bus {b.bus}", size[:, k], sign, level * base, "pu", told, self.held)
             if rule.recover is not None:
                 yield from self._recovered(rule, place)
             else:
@@ -190,7 +189,7 @@ class _Seen:
         allowed, end = seconds(rule.recover or "0s", self.hz), self.time[-1]
         low = [
             (a, b)
-            for a, b in spells(self.time, place.excess, self.held)
+            for a, b in spells(self.time, place.excess, place.held)
             if b > self.cleared + SLACK and a <= self.cleared + SLACK
         ]
         until = low[0][1] if low else self.cleared
@@ -216,7 +215,7 @@ class _Seen:
         """Whether the times beyond a level are too long."""
         allowed, total, end = seconds(rule.longest, self.hz), 0.0, self.time[-1]
         limit = f"not longer than {rule.longest}{' in total' if rule.total else ''} {place.told}"
-        for a, b in spells(self.time, place.excess, self.held):
+        for a, b in spells(self.time, place.excess, place.held):
             a = max(a, start)
             if b <= a:
                 continue
@@ -235,20 +234,24 @@ class _Seen:
         most = float(np.rad2deg(radians(rule.separation)))
         for one in np.unique(island[island >= 0]):
             high, low = (np.where(island == one, angle, beyond) for beyond in (-np.inf, np.inf))
-            apart = high.max(axis=1) - low.min(axis=1)
-            if (beyond := np.flatnonzero(apart > most)).size:
-                row = beyond[0]
-                pair = names[int(high[row].argmax())], names[int(low[row].argmin())]
-                where, limit = f"machines {pair[0]} and {pair[1]}", f"not more than {most:g} degrees apart"
-                yield Violation(rule.name, where, float(self.time[row]), float(apart.max()), "degrees", limit)
+            if (beyond := np.flatnonzero(high.max(axis=1) - low.min(axis=1) > most)).size:
+                i, j = int(high[beyond[0]].argmax()), int(low[beyond[0]].argmin())
+                together = (island[:, i] == island[:, j]) & (island[:, i] >= 0)
+                apart = np.where(together, angle[:, i] - angle[:, j], np.nan)
+                since = spells(self.time, apart - most)[0][0]
+                where, limit = f"machines {names[i]} and {names[j]}", f"not more than {most:g} degrees apart"
+                yield Violation(rule.name, where, since, float(np.nanmax(apart)), "degrees", limit)
 
     def _swings(self, rule: Swings) -> "Iterator[Violation | str]":
-        last = self.run.outcome.swings
-        if last is None:
-            yield f"{rule.name}: swings are not judged: the run ends too early, or unstable."
-        elif last.growing or (rule.must == "decay" and not (last.decaying or last.settled)):
-            at, value = self.run.outcome.time_s, float(np.rad2deg(last.largest))
-            yield Violation(rule.name, f"machine {last.machine}", at, value, "degrees", f"swings must {rule.must}")
+        end, last = self.run.outcome, self.run.outcome.swings
+        short = end.time_s - self.run.happened.changes[-1].at < (SPAN if last else LEAST) - SLACK
+        doubtful = last is None or (rule.must == "decay" and not last.decaying)
+        if last and (last.growing or (doubtful and not short)):
+            since, size = end.time_s - last.half_s, float(np.rad2deg(last.last))
+            yield Violation(rule.name, f"machine {last.machine}", since, size, "degrees", f"swings must {rule.must}")
+        elif doubtful and end.stable:
+            when = f"{SPAN:g} s after the last event, but the run ends at {end.time_s:.3f} s; simulate longer"
+            yield f"{rule.name}: swings are judged {when if short else 'with two machines or more, and decay above 0'}."
 
 
 def _side(rule: Voltage | Frequency) -> tuple[float, float]:
@@ -268,6 +271,7 @@ class Place(NamedTuple):
     level: float
     unit: str
     told: str
+    held: np.ndarray | bool = False  # rows whose value is that until an event, at which it jumps
 
     @property
     def excess(self) -> np.ndarray:
@@ -275,12 +279,15 @@ class Place(NamedTuple):
         return self.sign * (self.level - self.values)
 
 
-def spells(time: np.ndarray, excess: np.ndarray, held: np.ndarray) -> list[tuple[float, float]]:
-    """The intervals in which a signal is positive: linear between instants, or held until the next one, an event."""
-    y = np.nan_to_num(excess, nan=-1.0)
+def spells(time: np.ndarray, excess: np.ndarray, held: np.ndarray | bool = False) -> list[tuple[float, float]]:
+    """The intervals in which a signal is positive: linear between instants, or held until the next one, an event.
+
+    It is held, too, until it is NaN.
+    """
+    y, last = np.nan_to_num(excess, nan=-1.0), held | np.isnan(np.append(excess[1:], 0.0))
     found: list[tuple[float, float]] = []
     for k in np.flatnonzero((y[:-1] > 0) | (y[1:] > 0)):
-        a, b, u, v = time[k], time[k + 1], y[k], (y[k] if held[k] else y[k + 1])
+        a, b, u, v = time[k], time[k + 1], y[k], (y[k] if last[k] else y[k + 1])
         begin = a if u > 0 else a + (b - a) * u / (u - v) if v > 0 else b
         end = b if v > 0 else a + (b - a) * u / (u - v) if u > 0 else a
         if end <= begin:

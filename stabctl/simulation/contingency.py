@@ -132,7 +132,7 @@ class Contingency:
     @property
     def tripped(self) -> tuple[str, ...]:
         """What happens at clearing and after it, as text: the circuits of `trip`, machines, other events."""
-        return *map(str, self.trip), *(_tripped(event(one, 60.0)) for one in self.after)
+        return *map(str, self.trip), *map(_tripped, self.after)
 
     @property
     def label(self) -> str:
@@ -334,7 +334,7 @@ class Contingency:
             parts.append(f"cleared after {_said(self.clear, frequency_hz)}" + (f" by {opened}" if opened else ""))
         elif opened:
             parts.append(opened if self.fault is None else f"to be cleared by {opened}")
-        parts += [f"then {_tripped(event(one, frequency_hz or 60.0))}" for one in self.after]
+        parts += [f"then {_tripped(one)}" for one in self.after]
         parts += [one if isinstance(one, str) else f"{described(one)} at {_said(one.at)}" for one in self.events]
         return ", ".join(parts) or "no event"
 
@@ -415,10 +415,12 @@ def _events(events: Event | str | Iterable[Event | str], name: str = "events") -
     return items
 
 
-def _tripped(event: Event) -> str:
-    """An event after clearing, in words."""
-    what = f"machine {event.machine}" if isinstance(event, TripMachine) else described(event)
-    return what + (f" {event.at:g} s later" if event.at else "")
+def _tripped(one: Event | str) -> str:
+    """An event after clearing, in words, with its time as given: only a case has a frequency."""
+    what = event(one, 60.0)
+    time = one.rpartition("@")[2].strip() if isinstance(one, str) else _said(one.at)
+    told = f"machine {what.machine}" if isinstance(what, TripMachine) else described(what)
+    return told + (f" {time} later" if what.at else "")
 
 
 def _said(time: str | float, frequency_hz: float | None = None) -> str:

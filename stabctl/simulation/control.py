@@ -14,6 +14,7 @@ from stabctl._util.errors import StudyError, shown
 from stabctl.controllers import Law
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.python_law import Seen, answer
+from stabctl.model.case import Case
 
 from .attached import Called
 from .lti import shape
@@ -112,11 +113,12 @@ def ordered(controllers: Sequence[Controller]) -> bool:
     return any(name.startswith(("order:", "order ")) or name == "order" for c in controllers for name in c.outputs)
 
 
-def commanded(control: Control) -> bool:
-    """Whether a control gives orders to storage devices."""
+def idle(case: Case, control: Control) -> bool:
+    """Whether a case has storage devices to which the control gives no orders."""
     parts = acting(control)
     laws = parts.law, *(pilot.law for pilot in parts.pilots)
-    return any(law is not None for law in laws) or ordered((*parts.controllers, *parts.measured))
+    commanded = any(law is not None for law in laws) or ordered((*parts.controllers, *parts.measured))
+    return any(s.rating for s in case.storage) and not commanded
 
 
 class Running(Protocol):

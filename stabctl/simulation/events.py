@@ -232,8 +232,8 @@ def described(event: Event) -> str:
     match event:
         case Fault(place) | Clear(place):
             return f"fault at {place}"
-        case Open(name):
-            return f"opening of {name}"
+        case Open(name, end=end):
+            return f"opening of {name}" + (f" at bus {end}" if end != "both" else "")
         case TripMachine(number):
             return f"trip of machine {number}"
         case LoadStep(bus):

@@ -10,7 +10,7 @@ from stabctl.dynamics.operating_point import Fleet, OperatingPoint, operating_po
 from stabctl.model.case import Case
 
 from .contingency import Disturbance
-from .control import Control, acting, commanded
+from .control import Control, acting, idle
 from .criterion import DEFAULT, Criterion, checked
 from .simulation import run
 from .trajectory import Trajectory
@@ -83,8 +83,7 @@ def simulate(
     if not isinstance(record, bool):
         raise StudyError(f"record = {shown(record)} is not allowed; give True or False.")
     options: Any = {"step": h, "criterion": rules, "record": record, "every": apart, "progress": progress}
-    idle = any(s.rating for s in point.case.storage) and not commanded(law)
-    return replace(run(point, contingency, end, law, **options), idle=idle)
+    return replace(run(point, contingency, end, law, **options), idle=idle(point.case, law))
 
 
 def checked_control(control: Any, case: Case) -> Control:

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
+from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -333,3 +334,9 @@ class Happened(NamedTuple):
     def last_event_s(self) -> float:
         """Instant of the last event, s; 0 if there was none."""
         return next(change.at for change in reversed(self.changes) if not change.automatic)
+
+    @property
+    def cleared_s(self) -> float:
+        """Instant from which on there is no fault, s: 0 if there was none, infinite if one is not cleared."""
+        since = takewhile(lambda change: not change.switching.faulted, reversed(self.changes))
+        return min((change.at for change in since), default=np.inf)

@@ -54,7 +54,7 @@ def test_margins_are_sorted_and_judged(study):
         assert m.secure == (critical >= required)
     assert study.insecure == tuple(m for m in study.margins if not m.secure)
     assert not study.secure
-    assert "1 of 15 contingencies is not survived with a clearing time of 10 cycles" in str(study)
+    assert "1 of 15 contingencies is not survived with every clearing time up to 10 cycles" in str(study)
 
 
 @pytest.mark.parametrize(("beyond", "secure"), [(0.0, True), (1e-6, False)])
@@ -311,7 +311,7 @@ def test_every_number_of_a_large_study_is_that_of_the_single_command(name, stora
     study = base.study("5cyc", faults=faults, remedies="none", control=law, each=lambda _: None)
     assert study.screen.rows() == base.screen(faults=faults, control=law).rows()
     assert np.array_equal(study.modes.eigenvalues, base.modes((0.1, 3.0)).eigenvalues)
-    for (contingency, until), run in zip(study.runs(10), study.worst, strict=True):
+    for (contingency, until), run in zip(study.runs, study.worst, strict=True):
         assert np.array_equal(base.simulate(contingency, until, control=law).rows, run.rows)
     for margin in study.margins[:3]:
         alone = base.clearing_time(margin.found.contingency, control=law)
@@ -355,3 +355,63 @@ def test_a_clearing_time_beyond_the_search_is_no_verdict(base, stabctl):
 def test_a_clearing_time_between_two_points_of_the_search_is_said(base):
     found = st.study(base, clear="9cyc", resolution="2cyc", faults="lines", worst=0, remedies="none")
     assert "critical after 8 cycles (only multiples of 2 cycles were tried)" in str(found)
+
+
+ALONE = {"worst": 1, "remedies": "none"}
+
+
+def test_what_is_lost_even_if_cleared_at_once_is_not_survived():
+    """With a clearing time of 0 its margin is 0, too."""
+    own = [st.Contingency(bus, trip="84-28", clear="0cyc") for bus in ("84", "28")]
+    own.append(st.Contingency("85", clear="0cyc"))
+    study = st.load("wnaps").study(damping=0.04, faults=own, **ALONE)
+    assert {m.cycles for m in study.margins if not m.secure} == {0.0}
+    assert [m.secure for m in study.margins] == [m.found.status != "unstable_at_zero" for m in study.margins]
+    assert [m.secure for m in study.margins] == [False, False, True]
+    assert not study.worst[0].outcome.stable
+    assert not study.secure
+    assert "lost even if cleared at once, limited by" in str(study)
+
+
+@pytest.fixture(scope="module")
+def undamped():
+    return st.load("ieee39").classical().initialize()
+
+
+def test_the_worst_are_observed_as_in_the_screen(undamped):
+    """A machine that is lost after 19 s is lost in the run that is shown, too."""
+    lost = st.Contingency("22", trip="21-22", clear="5.75cyc")
+    study = undamped.study(faults=[lost], **ALONE)
+    (contingency, until), run = study.runs[0], study.worst[0]
+    (screened,) = [r for r in study.margins[0].found.runs if r.cycles == 5.75]
+    assert not study.margins[0].secure
+    assert not run.outcome.stable
+    assert run.outcome.time_s - 1.0 == pytest.approx(screened.time_s)
+    assert run.outcome.time_s > 15
+    assert undamped.simulate(contingency, until).outcome.message == run.outcome.message
+
+
+def test_a_contingency_that_only_a_shorter_fault_loses_is_said(undamped):
+    """Fault 21, trip 21-22 is survived with 6 and with 7 cycles, but not with 6.125."""
+    study = undamped.study("7cyc", faults=[st.Contingency("21", trip="21-22")], **ALONE)
+    assert study.worst[0].outcome.stable
+    assert "1 of 1 contingency is not survived with every clearing time up to 7 cycles" in str(study)
+    assert "21 trip 21-22 is survived then, but not with 6.125 cycles." in study_page.page(study).html()
+
+
+def test_the_lowest_voltage_is_that_after_clearing(base):
+    """Not that after the last event, which comes 3 s later."""
+    study = base.study("4cyc", faults=[st.Contingency("8", trip="7-8", after="7:-50MW@3s")], **ALONE | QUICK)
+    (run,) = study.worst
+    size = np.abs(run.arrays.V)[run.time >= 1 + 4 / 60 - 1e-9].min()
+    assert f"<td>{size:.3f}</td>" in study_page.page(study).html()
+    assert f"lowest voltage after clearing {size:.2f} pu" in run.outcome.message
+
+
+def test_the_worst_that_keep_the_criteria_are_judged_as_long_as_any_run(base, tmp_path):
+    """A rule may be for later times."""
+    path = tmp_path / "own.toml"
+    path.write_text('title = "ours"\n[[frequency]]\nname = "late"\nbelow = 59.0\n')
+    study = base.study("4cyc", faults=[st.Contingency("8", trip="7-8")], criteria=path, **ALONE)
+    assert study.judged[0].kept
+    assert study.worst[0].outcome.time_s == pytest.approx(1 + 4 / 60 + 20)

@@ -74,13 +74,13 @@ def test_a_store_keeps_the_order(points, tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         screen(point, **how, workers=1, each=interrupt)
     assert len(rows(tmp_path / "severity.db", INDEX)) == 11
-    simulate, limits = Trial.simulate, []
+    judged, limits = Trial.judged, []
 
-    def counted(trial, k, **how):
+    def counted(trial, k):
         limits.append(trial.search.limit_cycles)
-        return simulate(trial, k, **how)
+        return judged(trial, k)
 
-    monkeypatch.setattr(Trial, "simulate", counted)
+    monkeypatch.setattr(Trial, "judged", counted)
     again, severities, _ = watched(point, **how)
     assert len(severities) == 15
     assert set(limits) == {20.0}  # cycles; one of 6 is that of the order

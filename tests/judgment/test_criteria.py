@@ -73,8 +73,8 @@ def test_levels_and_times_are_judged_right_on_both_sides(run, tmp_path, seed):
             found = judged(with_voltage(run, 9, dip(max(longest, 2.5 * slope) + change, low)), 9, criteria)
             assert bool(found) == (violated or longest < 2.5 * slope), (since, change)
         if found := judged(with_voltage(run, 9, dip(longest + 0.5, low)), 9, criteria):
-            assert found[0].at_s == pytest.approx(begin + longest, abs=1e-6)
-            assert found[0].value == pytest.approx(low, abs=1e-9)
+            assert found[0].from_s == pytest.approx(begin + longest, abs=1e-6)
+            assert found[0].extreme == pytest.approx(low, abs=1e-9)
     text = f'[[voltage]]\nname = "b"\nbelow = {level!r}\nbuses = "loads"\nsince = "clearing"\n'
     for change, violated in ((BESIDE, True), (-BESIDE, False)):
         touching = [(0.0, 1.0), (begin, 1.0), (begin + 1, level - change), (begin + 2, 1.0)]
@@ -93,9 +93,9 @@ def test_recovery_and_what_comes_after_it(run, tmp_path, change, violated):
     traced = with_voltage(run, 9, [(t, v * before) for t, v in late])
     found = judged(traced, 9, recover)
     assert bool(found) == violated
-    assert not violated or found[0].at_s == pytest.approx(4.0)
+    assert not violated or found[0].from_s == pytest.approx(4.0)
     early = rules(tmp_path, '[[voltage]]\nname = "r"\nof = "before"\nbelow = 0.8\nrecover = "1cyc"\nbuses = "loads"\n')
-    assert judged(traced, 9, early)[0].value == pytest.approx(0.3 * before, abs=1e-6), (
+    assert judged(traced, 9, early)[0].extreme == pytest.approx(0.3 * before, abs=1e-6), (
         "the lowest from then on, in the fault too"
     )
     second = (
@@ -121,6 +121,7 @@ def test_a_value_before_an_event_is_held_up_to_it():
     assert spells(time, np.array([-1.0, -1.0, 1.0, -1.0]), held) == [(2.0, 2.5)]
     assert spells(time, np.array([-1.0, 1.0, -1.0, -1.0]), held) == [(0.5, 2.0)]
     assert spells(time, np.array([-1.0, 0.0, 0.0, -1.0]), held) == []
+    assert spells(time, np.array([-1.0, 1.0, np.nan, np.nan])) == [(0.5, 2.0)], "a machine that is tripped"
 
 
 def test_frequency_angle_and_swings(run, tmp_path):
@@ -130,7 +131,7 @@ def test_frequency_angle_and_swings(run, tmp_path):
         found = run.judge(rules(tmp_path, text)).violations
         assert bool(found) == violated
         if found:
-            assert found[0].value == pytest.approx(fastest)
+            assert found[0].extreme == pytest.approx(fastest)
     angle = run.angle_from_coi_deg
     widest = float((angle.max(axis=1) - angle.min(axis=1)).max())
     for change, violated in ((-BESIDE, True), (BESIDE, False)):
@@ -147,7 +148,7 @@ def test_angles_are_judged_before_a_machine_is_tripped_too(tmp_path):
     run = st.load("two_area").simulate(st.TripMachine(1, 1.0), until="2s")
     text = '[[angle]]\nname = "d"\nseparation = "31.7deg"\n'
     (found,) = run.judge(rules(tmp_path, text)).violations
-    assert found.at_s == 0
+    assert found.from_s == 0
     assert "machines 1 and 4" in str(found)
 
 
@@ -236,3 +237,59 @@ def test_the_command(stabctl):
     assert (code, "kept" in out) == (0, True)
     code, _, err = stabctl(*words, "prc", "--clear", "6cyc")
     assert (code, "There are no criteria 'prc'" in err) == (2, True)
+
+
+@pytest.fixture(scope="module")
+def undamped():
+    return st.load("ieee39").classical().initialize()
+
+
+def test_swings_that_must_decay_do(tmp_path):
+    """Below the ratio of the criterion, whatever their size; before 5 s after the last event that is not judged."""
+    rule = rules(tmp_path, '[[swings]]\nname = "s"\nmust = "decay"\n')
+    for case in (st.load("two_area"), st.load("two_area").classical()):
+        for cycles in (1, 3, 5):
+            run = case.simulate(st.Contingency("7", clear=f"{cycles}cyc"), until="10s")
+            assert run.judge(rule).kept == run.outcome.swings.decaying
+    fault = st.Contingency("7", clear="3cyc", at=0.0)
+    for until, kept in ((2.0, True), (5.0, True), (5.05, False)):
+        found = case.simulate(fault, until=until).judge(rule)
+        assert found.kept == kept
+        assert bool(found.undecided) == kept
+        assert not kept or f"5 s after the last event, but the run ends at {until:.3f} s" in found.undecided[0]
+    lost = case.simulate(st.Contingency("7", clear="30cyc"), until="5s").judge(rule)
+    assert (lost.kept, lost.undecided) == (False, ())
+
+
+def test_a_violation_of_swings_is_that_of_the_machine_named(undamped, tmp_path):
+    run = undamped.simulate(st.Contingency("1", clear="5cyc"), until=12)
+    (found,) = run.judge(rules(tmp_path, '[[swings]]\nname = "s"\nmust = "not grow"\n')).violations
+    k = [f"machine {name}" for name in run.point.rotor_names].index(found.where)
+    angle = run.angle_from_coi_deg[:, k]
+    assert found.from_s == pytest.approx(9.5)
+    late, before = (np.ptp(angle[(run.time >= t - 1e-9) & (run.time <= t + 2.5 + 1e-9)]) for t in (9.5, 7.0))
+    assert late == pytest.approx(found.extreme)
+    assert late > 1.05 * before
+
+
+def test_a_violation_of_angles_is_that_of_the_pair_named(undamped, tmp_path):
+    """Their greatest distance; from the instant on at which they pass the limit, between two rows."""
+    run = undamped.simulate(st.Contingency("2", clear="5cyc"), until=8)
+    (found,) = run.judge(rules(tmp_path, '[[angle]]\nname = "a"\nseparation = "60deg"\n')).violations
+    i, j = (list(run.point.rotor_names).index(int(name)) for name in re.findall(r"\d+", found.where))
+    apart = run.angle_from_coi_deg[:, i] - run.angle_from_coi_deg[:, j]
+    assert found.extreme == pytest.approx(apart.max())
+    assert np.interp(found.from_s, run.time, apart) == pytest.approx(60)
+    assert apart[run.time < found.from_s].max() < 60
+    every = run.angle_from_coi_deg
+    assert found.extreme < (every.max(axis=1) - every.min(axis=1)).max()
+
+
+def test_a_violation_says_from_when_on_and_how_far(undamped, tmp_path):
+    """The frequency is at its limit where it is first not allowed; its extreme is later."""
+    run = undamped.simulate(st.Contingency("2", clear="5cyc"), until=8)
+    for one in run.judge(rules(tmp_path, '[[frequency]]\nname = "f"\nabove = 60.3\n')).violations:
+        hz = 60 * run.values("speed")[:, [f"machine {m}" for m in run.point.rotor_names].index(one.where)]
+        assert np.interp(one.from_s, run.time, hz) == pytest.approx(60.3)
+        assert one.extreme in hz
+        assert f"{one.extreme:.4g} Hz at worst, not allowed from {one.from_s:.3f} s on; not longer" in str(one)

@@ -54,6 +54,19 @@ def test_cycles_are_those_of_the_case(two_area):
     assert event("7-8@30cyc", 50.0) == Open("7-8", 0.6)
 
 
+def test_events_after_clearing_have_their_times_as_given(two_area):
+    """Only a case has a frequency, by which cycles are seconds."""
+    from dataclasses import replace
+
+    one = Contingency("8", "10cyc", "7-8", after=["8-9 @ 6 cyc", "2@0s", Open("8-9#2", "3cyc"), Open("5-6", 0.5)])
+    later = "opening of 8-9 {0} later, machine 2, opening of 8-9#2 {1} later, opening of 5-6 0.5 s later"
+    given, fifty = (later.format(*times) for times in (("6 cyc", "3cyc"), ("0.12 s", "0.06 s")))
+    cleared = "fault 8, cleared after 10cyc by opening 7-8, then "
+    assert one.label == f"8 trip 7-8, {given}"
+    assert str(one) == repr(one) == cleared + given.replace(", ", ", then ")
+    assert one.described(replace(two_area, frequency_hz=50.0)) == cleared + fifty.replace(", ", ", then ")
+
+
 def test_circuits_open_without_a_fault(two_area):
     assert Contingency(trip="7-8, 8-9").timed(two_area) == (Open("7-8", 1.0), Open("8-9", 1.0))
     assert str(Contingency(trip="7-8")) == "opening 7-8"

@@ -11,7 +11,7 @@ from stabctl.design.optimum import Optimum
 from stabctl.estimation.estimates import Estimates
 from stabctl.model import naming
 from stabctl.model.case import Case
-from stabctl.model.network import Switching
+from stabctl.model.network import INTACT, Switching
 from stabctl.simulation.trajectory import Trajectory
 from stabctl.sweep import results
 from stabctl.sweep.results import Results
@@ -78,11 +78,12 @@ def _switched(case: Case, before: Switching, now: Switching) -> Iterator[str]:
     )
     yield from (f"fault at {place}" for place in sorted(faulted - earlier))
     yield from (f"the fault at {place} is cleared" for place in sorted(earlier - faulted))
-    opened = [
-        str(names[row])
-        for row, one in states.items()
-        if not (one.from_closed and one.to_closed) and (row not in was or (was[row].from_closed and was[row].to_closed))
-    ]
+    opened = []
+    for row, one in states.items():
+        then, k = was.get(row, INTACT), case.branches[row]
+        breakers = (k.from_bus, then.from_closed, one.from_closed), (k.to_bus, then.to_closed, one.to_closed)
+        if ends := [bus for bus, closed, still in breakers if closed and not still]:
+            opened.append(f"{names[row]}" + (f" at bus {ends[0]}" if len(ends) == 1 else ""))
     if opened:
         yield f"{listed(opened)} opened"
     if off := sorted(now.tripped - before.tripped):

@@ -29,7 +29,7 @@ FIRST = 25  # contingencies that are shown with their margins; the others are fo
 HEADS = "contingency", "opened to clear it", "critical (cycles)", "margin (cycles)", "limited by"
 FIRST_RUNS = "contingency", "a first run"
 RUNS = "contingency", "outcome", "largest change of angle (deg)", "lowest voltage after clearing (pu)", "what happens"
-VIOLATIONS = "contingency", "rule", "where", "value", "at (s)", "limit"
+VIOLATIONS = "contingency", "rule", "where", "at worst", "not allowed from (s)", "limit"
 REMEDIES = "what", "change", "cost"
 MODES = "mode", "frequency (Hz)", "damping ratio (%)", "main participants", "damped by", "undamped by"
 USUAL = Search(longest_s=20.0)  # of a screen
@@ -144,15 +144,20 @@ def _worst(study: Study) -> Iterator[Part]:
         return
     rows = []
     for m, run in zip(study.margins, study.worst, strict=False):
-        after = run.time >= run.happened.last_event_s - 1e-9
+        after = run.time >= run.happened.cleared_s - 1e-9
         lowest = f"{np.abs(run.arrays.V[after])[run.energized[after]].min():.3f}" if after.any() else ""
         outcome = run.outcome.kind.value.replace("_", " ")
         rows.append(
             (m.found.contingency.label, outcome, f"{run.max_angle_from_coi_deg:.1f}", lowest, run.outcome.message)
         )
-    yield table(RUNS, rows, f"Simulated with a clearing time of {study.wanted.cycles:g} cycles, or their own.")
+    note = f"Simulated with a clearing time of {study.wanted.cycles:g} cycles, or their own."
+    kept = [one.kept for one in study.judged] or [run.outcome.stable for run in study.worst]
+    for m, ok in zip(study.margins, kept, strict=False):
+        if ok and (least := m.found.lowest_unstable) is not None and least < m.required:
+            note += f" {m.found.contingency.label} is survived then, but not with {least:g} cycles."
+    yield table(RUNS, rows, note)
     found = [
-        (m.found.contingency.label, v.rule, v.where, f"{v.value:.4g} {v.unit}", f"{v.at_s:.3f}", v.limit)
+        (m.found.contingency.label, v.rule, v.where, f"{v.extreme:.4g} {v.unit}", f"{v.from_s:.3f}", v.limit)
         for m, one in zip(study.margins, study.judged, strict=False)
         for v in one.violations
     ]
@@ -271,7 +276,7 @@ def _lines(study: Study) -> Iterator[Part]:
         f"base.modes(({BAND[0]:g}, {BAND[1]:g}))",
         f"base.screen(faults={faults}{law})",
     ]
-    for m, (_, until) in zip(study.margins, study.runs(len(study.worst)), strict=False):
+    for m, (_, until) in zip(study.margins, study.runs, strict=False):
         every.append(f"base.simulate({_written(m.found.contingency, m.required)}, until={until:.6g}{rules}{law})")
     for change in (r.change for r in study.remedies if r.change):
         law = ", control=st.BangBang()" if change.control == [BangBang()] else ", control=..." if change.control else ""

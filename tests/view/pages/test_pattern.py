@@ -11,7 +11,7 @@ from live_page import browser
 
 import stabctl as st
 from stabctl._util.errors import StudyError
-from stabctl.view.pages import pattern
+from stabctl.view.pages import pattern, run_pages
 from stabctl.view.pages.pattern import Section, Text, table
 
 AXE = (Path(axe_playwright_python.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
@@ -95,6 +95,20 @@ def test_events_are_told(base, tmp_path):
         "the fault at bus 9 is cleared",
     ]
     assert cells(page, "Machines")[2][-1] == "0.200"
+
+
+def test_the_breaker_that_opens_is_told(base):
+    """One end, the other one later, or both at once; a contingency names the end, too."""
+
+    def page(run):
+        return run_pages.simulation(run).html()
+
+    opened = st.Open("8-9", 0.1, end=9), st.Open("8-9", 0.2, end=8), st.Open("8-9#2", 0.3)
+    run = base.simulate(opened[:2], until="0.4s")
+    assert [what for _, what in cells(page(run), "Events")] == ["8-9 at bus 9 opened", "8-9 at bus 8 opened"]
+    at_once = base.simulate([st.Open("8-9", 0.1, end=9), st.Open("8-9", 0.1, end=8)], until="0.2s")
+    assert [what for _, what in cells(page(at_once), "Events")] == ["8-9 opened"]
+    assert str(st.Contingency(events=opened[1:])) == "opening of 8-9 at bus 8 at 0.2 s, opening of 8-9#2 at 0.3 s"
 
 
 def test_the_pages_of_network_and_search_have_their_numbers(base, tmp_path):
