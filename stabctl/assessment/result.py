@@ -301,7 +301,7 @@ class Study(Tabular):
                 elif -(grid := first.search.resolution_cycles) < lost[0].cycles:  # a time between two points
                     when += f" (only multiples of {_cycles(grid)} were tried)"
                 said.append(
-                    f"{case}: {len(lost)} of {number} {be} not survived with every clearing time up to "
+                    f"{case}: {len(lost)} of {number} {be} lost with a clearing time of at most "
                     f"{_cycles(wanted.cycles)}{own}. The worst is {first.contingency.label}, {when}, limited by "
                     f"{first.limit}."
                 )

@@ -54,7 +54,7 @@ def test_margins_are_sorted_and_judged(study):
         assert m.secure == (critical >= required)
     assert study.insecure == tuple(m for m in study.margins if not m.secure)
     assert not study.secure
-    assert "1 of 15 contingencies is not survived with every clearing time up to 10 cycles" in str(study)
+    assert "1 of 15 contingencies is lost with a clearing time of at most 10 cycles" in str(study)
 
 
 @pytest.mark.parametrize(("beyond", "secure"), [(0.0, True), (1e-6, False)])
@@ -395,7 +395,7 @@ def test_a_contingency_that_only_a_shorter_fault_loses_is_said(undamped):
     """Fault 21, trip 21-22 is survived with 6 and with 7 cycles, but not with 6.125."""
     study = undamped.study("7cyc", faults=[st.Contingency("21", trip="21-22")], **ALONE)
     assert study.worst[0].outcome.stable
-    assert "1 of 1 contingency is not survived with every clearing time up to 7 cycles" in str(study)
+    assert "1 of 1 contingency is lost with a clearing time of at most 7 cycles" in str(study)
     assert "21 trip 21-22 is survived then, but not with 6.125 cycles." in study_page.page(study).html()
 
 
