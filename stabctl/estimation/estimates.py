@@ -137,8 +137,8 @@ class Estimates(Tabular):
 
     @property
     def estimated_commands(self) -> np.ndarray:
-        """Bang-bang commands from the estimated deviations."""
-        return np.sign(self.deviation_estimated) * (np.abs(self.deviation_estimated) > self.deadband)
+        """Bang-bang commands from the estimated deviations; 0 where these are not usable."""
+        return np.sign(self.deviation_estimated) * (np.abs(self.deviation_estimated) > self.deadband) * self.usable
 
     def count_commands(self, before: str | float = np.inf) -> int:
         """Number of machine-frames with a bang-bang command from the estimates.

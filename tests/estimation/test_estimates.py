@@ -7,6 +7,9 @@ import pytest
 
 from stabctl._util.errors import StudyError
 from stabctl.estimation.estimate import estimate
+from stabctl.estimation.estimator_control import EstimatorControl
+from stabctl.estimation.pmu import Pmu
+from stabctl.simulation.contingency import Contingency
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +58,19 @@ def test_wrong_and_opposite_commands_are_counted(blank):
     accuracy = replace(found, deviation_estimated=seen).accuracy_between(0, 6)
     assert accuracy.wrong_command_share == pytest.approx(10 / seen.size)
     assert accuracy.opposite_command_share == pytest.approx(4 / seen.size)
+
+
+def test_the_commands_of_estimates_are_those_that_the_storage_gets(study):
+    """Also after an outage, when the devices idle: for 2 s, where reports were lost across the switching."""
+    point, events, cleared, _ = study("two_area")
+    control = EstimatorControl(pmu=Pmu(outage=("1s", "1.5s")))
+    found = estimate(point, Contingency("7", "6cyc", "7-8"), 4.5, control=control)
+    assert np.array_equal(np.sign(found.orders), found.estimated_commands)
+    silent = (found.time > 1.02) & (found.time < 3.48)
+    assert not found.usable[silent & (found.time > 1.52)].any()
+    assert found.usable[found.time > 3.6].any()
+    wrong = found.accuracy_between(1.52, 3.48).wrong_command_share
+    assert wrong == np.mean(found.true_commands[(found.time >= 1.52) & (found.time <= 3.48)] != 0)
 
 
 def test_machines_that_are_off_do_not_count(blank):
