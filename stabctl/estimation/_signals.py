@@ -166,11 +166,15 @@ class CoiReference:
 
 
 def _others(weight: np.ndarray, island: np.ndarray, whole: bool) -> np.ndarray:
-    """Sum (..., seeds, machines) of the weights of the other machines in every machine's island."""
+    """Sum (..., seeds, machines) of the weights of the other machines in every machine's island.
+
+    The own weight is left out, not subtracted: that of an infinite bus is larger than the others by 16 digits.
+    """
+    others = 1.0 - np.eye(weight.shape[-1])
     if whole:
-        return weight.sum(-1, keepdims=True) - weight
+        return np.asarray(weight @ others)
     same = (island[:, :, None] == island[:, None, :]) & (island >= 0)[:, None, :]
-    return (same @ weight[..., None])[..., 0] - weight
+    return ((same * others) @ weight[..., None])[..., 0]
 
 
 class RotorSignals:

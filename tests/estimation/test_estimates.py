@@ -85,6 +85,22 @@ def test_nothing_to_judge_is_a_sentence(blank):
         blank[0].accuracy_between(90, 95)
 
 
+def test_times_in_the_wrong_order_are_a_sentence(blank):
+    with pytest.raises(StudyError, match=r"between 1\.5 and 1\.1 s; give the earlier time first"):
+        blank[0].accuracy_between("1.5s", "1.1s")
+
+
+def test_a_run_without_any_usable_speed_says_so(study):
+    """Machines 1 and 2 are more than 30 % of the inertia, and cannot both be computed."""
+    point = study("two_area")[0]
+    found = estimate(point, None, 0.2, pmu=Pmu(missing=(1, 2)))
+    assert not found.usable.any()
+    assert str(found).endswith(
+        "No speed was usable in the whole run, so that all storage idled; give more PMUs, or better ones."
+    )
+    assert "usable" not in str(estimate(point, None, 0.2))
+
+
 def test_records_do_not_change(study):
     found = estimate(study("two_area classical")[0], (), 0.2)
     with pytest.raises(ValueError, match="read-only"):
