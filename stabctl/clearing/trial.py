@@ -166,7 +166,8 @@ class Run(NamedTuple):
 class Trial:
     """A contingency at an operating point under a control law; its own clearing time is ignored.
 
-    The fault begins at 0, under a sampled controller after `quiet` s; other events keep their time from the fault.
+    The fault begins at 0, under a sampled controller after `quiet` s, and where the control has instants of its own
+    (`Acting.timed`) at that of the contingency; other events keep their time from the fault.
     Raises `StudyError` without a fault or a rotor, and at the first run for what the case does not have.
     """
 
@@ -206,8 +207,11 @@ class Trial:
     @cached_property
     def at(self) -> float:
         """Instant of the fault, s: late enough for events before it."""
+        parts = acting(self.control)
+        if parts.timed:
+            return self.contingency.starts(self.point.case)
         before = -min((e.at for e in self.others), default=0.0)
-        return max(before, 0.0) + (self.quiet if acting(self.control).pilots else 0.0)
+        return max(before, 0.0) + (self.quiet if parts.pilots else 0.0)
 
     def duration(self, k: int) -> float:
         """Duration (s) of the fault at the grid's point k."""

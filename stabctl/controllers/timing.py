@@ -43,6 +43,11 @@ class Gate:
     start: float = -math.inf
     end: float = math.inf
 
+    @property
+    def timed(self) -> bool:
+        """Whether it opens or closes at a given instant."""
+        return self.start > -math.inf or self.end < math.inf
+
     def __post_init__(self) -> None:
         if self.signal is not None and (not isinstance(self.signal, str) or not self.signal.strip()):
             raise StudyError(

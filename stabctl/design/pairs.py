@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 RANGES = {"order": 1.0, "vs": 0.1, "vref": 0.05, "pref": 0.05}  # what an output may give, in its unit; others 0.1
 SIGNALS = "deviation, flow"  # that are ranked by default
-DIGITS = 9  # of a score, so that signals that are the same by symmetry rank equal
+DIGITS = 11  # of a score, so that signals that are the same by symmetry rank equal
 SHOWN = 5  # pairs in the summary
 UNSEEN = 1e-9  # residue of a mode that a feedback cannot move
 ASIDE = 0.2  # of the frequency given, within which a mode is taken for the one that is meant
@@ -52,8 +52,8 @@ class Pairs(Tabular):
     Examples
     --------
     >>> found = st.design.pairs(st.load("two_area_thyristor"), "flow, deviation", storage="3@11=50MW")
-    >>> print(found.best, found.scores.max().round(4), round(found.mode_hz, 3))
-    ('flow:7-8', 'order:3@11') 0.0925 0.608
+    >>> print(found.best, found.scores.max().round(6), round(found.mode_hz, 3))
+    ('flow:7-8', 'order:3@11') 0.000541 0.608
     """
 
     case: str
@@ -128,7 +128,8 @@ def pairs(
 
     with the residue $R$, the largest output $r$, the availability $\alpha$, the delay $T$, and $a$, the root of the sum
     of squares of the signal in all electromechanical modes (each with a largest speed of 1 pu). A signal that shows the
-    mode alone, and an input that moves it far, score highest.
+    mode alone, and an input that moves it far, score highest: the gain $r/a$ takes the
+    whole range at a speed of 1 pu.
 
     Parameters
     ----------
@@ -190,7 +191,7 @@ def pairs(
     )
     weights = np.outer(weight, [_of(availability, s, 1.0, most=1.0) for s in drives])
     reach = np.array([_of(ranges, s, RANGES.get(s.kind, 0.1)) for s in drives])
-    scores = np.abs(residues) * weights * reach / np.maximum(size, UNSEEN)[:, None] / speed[k]
+    scores = np.abs(residues) * weights * reach / np.maximum(size, UNSEEN)[:, None]
     scores = np.round(scores, DIGITS)
     at = float(modes.frequency_hz[k]), modes.label(k)
     return Pairs(

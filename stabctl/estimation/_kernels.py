@@ -34,6 +34,7 @@ class Constants(NamedTuple):
     speed: np.ndarray
     slope: np.ndarray
     knee: np.ndarray
+    exponential: np.ndarray  # 1 or 0
     step: np.ndarray  # (frames + 1, machines, 2)
     ramp: np.ndarray  # (frames + 1, machines, 2)
 
@@ -62,6 +63,12 @@ def clipped(x, limit):
 def turned_back(phasor, angle):
     """phasor exp(-j angle)."""
     return phasor * complex(cos(angle), -sin(angle))
+
+
+@inline
+def iron(size, slope, knee, exponential):
+    """The iron over psi''q at a flux |psi''|: S(|psi''|)/|psi''| times the slope, exponential (1) or quadratic (0)."""
+    return slope * (exponential * size**knee + (1 - exponential) * np.maximum(size - knee, 0.0) ** 2 / size)
 
 
 @entry
@@ -98,16 +105,16 @@ def move(x, P, I, received, c, kept, g, after, F, change):
             before, now = kept.current[k, i], turned_back(I[k, i], after[k, i, 0])
             moved = now - before if received[k, i] else complex(0.0, 0.0)
             change[k, i] = moved
-            size, frames = kept.size[k, i], min(m, longest)
-            iron = c.slope[i] * max(size - c.knee[i], 0.0) ** 2 / size
+            flux, frames = kept.size[k, i] / (1 + c.speed[i] * x[k, i, 1]), min(m, longest)
+            ratio = iron(flux, c.slope[i], c.knee[i], c.exponential[i])
             psi = c.out[i, 0] * x[k, i, 3] + c.out[i, 1] * x[k, i, 4]
             for r in range(2):
                 drive, ramp = c.drive[i, r, 0], c.ramp[frames, i, r]
-                value = drive * before.real + ramp * moved.real + c.drive[i, r, 1] * iron * psi
+                value = drive * before.real + ramp * moved.real + c.drive[i, r, 1] * ratio * psi
                 F[k, i, 3 + r, 0] = drive * before.imag + ramp * moved.imag
                 for j in range(2):
                     value += c.A[i, r, j] * x[k, i, 3 + j]
-                    F[k, i, 3 + r, 3 + j] = c.A[i, r, j] + c.drive[i, r, 1] * iron * c.out[i, j]
+                    F[k, i, 3 + r, 3 + j] = c.A[i, r, j] + c.drive[i, r, 1] * ratio * c.out[i, j]
                 after[k, i, 3 + r] = value
 
 

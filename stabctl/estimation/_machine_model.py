@@ -12,7 +12,8 @@ psi''q follows from the current alone, without field voltage (Kundur, ch. 3-4; n
     T''q dk/dt = e - k - b iq,   psi''q = a e + (1 - a) k,   a = (x'' - xl)/b,   iq = Re(I exp(-j delta)),
     iron = S(|psi''|)/|psi''| psi''q (xq - xl)/(xd - xl).
 
-A salient pole has x'q = xq and e = 0; a classical machine has no flux, delta = arg E'.
+S is quadratic or exponential, as in `devices.machines.saturation`. A salient pole has x'q = xq and e = 0: its iron
+is that of T''q, and only with GENSAE there is any. A classical machine has no flux, delta = arg E'.
 
 With a P or M class filter a report is the weighted mean of the phasors in a window. The swing equation is linear: its
 solution with the mean power is the mean of angle and speed in the window, from which the values in its middle differ by
@@ -33,7 +34,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from ._filter_bank import Seen
-from ._kernels import Constants, Kept, expect, keep, move, see, spread
+from ._kernels import Constants, Kept, expect, iron, keep, move, see, spread
 from ._report_errors import (
     UNSURE,
     MissingReports,
@@ -97,7 +98,7 @@ class MachineModel:
         s, q = self.swing, self.q_axis
         self.constants = Constants(
             known.impedance, known.mva, self._has_flux * power, s.F, s.B, s.walk, s.c, s.d,
-            q.A, q.B, q.out, q.speed, q.slope, q.knee, q.step, q.ramp,
+            q.A, q.B, q.out, q.speed, q.slope, q.knee, q.exponential, q.step, q.ramp,
         )  # fmt: skip
         self._settings = pmu.angle, pmu.magnitude, process.share * power, float(np.sqrt(self._window.together))
 
@@ -136,10 +137,10 @@ class MachineModel:
         self, x: np.ndarray, P: np.ndarray, seen: Measured, where: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """States and covariances after a long silence: angle and fluxes as at rest, speed and power as they were."""
-        fresh, size = x.copy(), np.abs(seen.E)
-        fresh[..., 3:] = self.q_axis.rest(seen.I, seen.E)
-        fresh[..., 0] = np.angle(seen.E) - turn(self.q_axis.psi(fresh[..., 3:]), size)
-        flux = UNSETTLED**2 * self._has_flux + np.zeros(size.shape)
+        fresh, E = x.copy(), seen.E / (1 + self.q_axis.speed * x[..., 1])
+        fresh[..., 3:] = self.q_axis.rest(seen.I, E)
+        fresh[..., 0] = np.angle(E) - turn(self.q_axis.psi(fresh[..., 3:]), np.abs(E))
+        flux = UNSETTLED**2 * self._has_flux + np.zeros(E.shape)
         known = P[..., 1, 1] + np.maximum(self.unreported.moved[..., 1], RUNAWAY) ** 2
         variances = np.stack([flux + 1e-3**2, known, P[..., 2, 2] + 1e-2**2, flux, flux], -1)
         fresh_P = variances[..., None] * np.eye(STATES)
@@ -247,6 +248,8 @@ class QAxis:
         Transition of (e, k) over a frame.
     B : (machines, 2, 2) array
         Response after a frame to constant inputs (iq, iron).
+    slope, knee, exponential : (machines,) array
+        Constants of `iron`, with the air gap in the slope.
     speed : (machines,) array
         Speed factor, 0 or 1: w = 1 + speed (omega - 1).
     step, ramp : (frames, machines, 2) array
@@ -261,8 +264,10 @@ class QAxis:
         self.speed = f["speed_factor"]
         self.out = np.stack([a, 1 - a], -1) * has[:, None]
         A, B = np.zeros((n, 2, 2)), np.zeros((n, 2, 2))
-        A[:, 0, 0], A[:, 0, 1], B[:, 0, 0], B[:, 0, 1] = -1 - wide * k, wide * k, -wide * (1 - k * b), -1
+        A[:, 0, 0], A[:, 0, 1], B[:, 0, 0] = -1 - wide * k, wide * k, -wide * (1 - k * b)
         A[:, 1, 0], A[:, 1, 1], B[:, 1, 0] = 1, -1, -b
+        salient = f["salient"] > 0  # its iron acts on k, from which psi''q = (1 - a) k
+        B[:, 0, 1], B[:, 1, 1] = salient - 1.0, -np.divide(1, 1 - a, out=np.zeros(n), where=salient & (a != 1))
         self._rest = -np.linalg.solve(A, B) * has[:, None, None]
         T_circuit = np.stack([f["T1q"], f["T2q"]], -1)
         rate = np.divide(1.0, T_circuit, out=np.zeros((n, 2)), where=T_circuit > 0)[..., None]
@@ -276,24 +281,17 @@ class QAxis:
             rise = (self.A @ rise[..., None])[..., 0] + (m - 1) * self.B[..., 0] + whole[:, :2, 4]
             self.step[m] = (self.A @ self.step[m - 1][..., None])[..., 0] + self.B[..., 0]
             self.ramp[m] = rise / m
-        steep = np.maximum(1.2 * f["S12"], 1e-12)
-        ratio = np.sqrt(f["S10"] / steep)
-        self.knee = (1 - 1.2 * ratio) / (1 - ratio)
         gap = np.divide(f["xq"] - f["xl"], f["xd"] - f["xl"], out=np.zeros(n), where=has)
-        self.slope = steep / (1.2 - self.knee) ** 2 * gap * ((f["S10"] > 0) & (f["S12"] > 0))
+        self.knee, self.slope, self.exponential = f["SA"], f["SB"] * gap, f["exponential"]
 
     def psi(self, flux: np.ndarray) -> np.ndarray:
         """psi''q (seeds, machines), pu, of the fluxes e and k (seeds, machines, 2)."""
         return self.out[:, 0] * flux[..., 0] + self.out[:, 1] * flux[..., 1]
 
-    def saturation(self, size: np.ndarray) -> np.ndarray:
-        """iron over psi''q: S(|psi''|)/|psi''|, S quadratic as in `devices.blocks`, scaled by the air gap."""
-        return self.slope * np.maximum(size - self.knee, 0.0) ** 2 / size
-
     def rest(self, I: np.ndarray, E: np.ndarray) -> np.ndarray:
-        """The steady fluxes (seeds, machines, 2) at a current and an internal voltage (pu machine)."""
+        """The steady fluxes (seeds, machines, 2) at a current and a flux E''/w (pu machine)."""
         size, flux = np.abs(E), np.zeros((*E.shape, 2))
-        ratio = self.saturation(size)
+        ratio = iron(size, self.slope, self.knee, self.exponential)
         for _ in range(START):
             psi = self.psi(flux)
             iq = np.real(I * np.exp(-1j * (np.angle(E) - turn(psi, size))))
@@ -302,7 +300,7 @@ class QAxis:
 
 
 def turn(psi: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """asin(psi''q / |E''|), rad: the speed in E'' = w psi'' is taken to be 1."""
+    """asin(psi''q / |psi''|), rad."""
     return np.arcsin(within(psi / size, 0.99))
 
 

@@ -166,11 +166,15 @@ class CoiReference:
 
 
 def _others(weight: np.ndarray, island: np.ndarray, whole: bool) -> np.ndarray:
-    """Sum (..., seeds, machines) of the weights of the other machines in every machine's island."""
+    """Sum (..., seeds, machines) of the weights of the other machines in every machine's island.
+
+    The own weight is left out, not subtracted: that of an infinite bus is larger than the others by 16 digits.
+    """
+    others = 1.0 - np.eye(weight.shape[-1])
     if whole:
-        return weight.sum(-1, keepdims=True) - weight
+        return np.asarray(weight @ others)
     same = (island[:, :, None] == island[:, None, :]) & (island >= 0)[:, None, :]
-    return (same @ weight[..., None])[..., 0] - weight
+    return ((same * others) @ weight[..., None])[..., 0]
 
 
 class RotorSignals:
@@ -186,6 +190,9 @@ class RotorSignals:
         H on one base, as the estimator knows it.
     ages : pair of float, s
         Ages of a machine's own estimate and of those of others.
+    leaders : sequence of int, optional
+        Rows of the machines whose islands are meant; by default the first of each group. While one is off, it is the
+        first of the group that is on.
     """
 
     def __init__(
@@ -194,44 +201,56 @@ class RotorSignals:
         signals: Sequence[tuple[Signal, bool]],
         inertia: np.ndarray,
         ages: tuple[float, float],
+        leaders: Sequence[int] | None = None,
     ) -> None:
         numbers = [m.machine for m in point.case.machines]
         self._kinds = [s.kind for s, _ in signals]
         self._own = np.array([own for _, own in signals], bool)
         self._angular = np.array([kind in ("angle", "angle_deviation") for kind in self._kinds], bool)
         self._group = np.array([_members(s, numbers) for s, _ in signals], bool).reshape(len(signals), len(numbers))
+        self._leaders = self._group.argmax(axis=1) if leaders is None else leaders
         self._H, self._wb = inertia, 2 * np.pi * point.case.frequency_hz
         self._ages = tuple(min(age, REACH) for age in ages)
         self._zero = np.array([float(kind in ("speed", "rest_speed", "coi_speed")) for kind in self._kinds])
-        self._weights: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+        self._weights: dict[bytes, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
 
     def __call__(self, k: int, estimates: Deviations, island: np.ndarray, rest: np.ndarray) -> np.ndarray:
         """Values (signals) in simulation k, with the islands (machines) there; those at rest where nothing is known."""
+        both, known = self.relative(k, estimates, island, 0.0)
+        return np.where(known, self._zero + np.where(self._angular, both[:, 1], both[:, 0]), rest)
+
+    def relative(
+        self, k: int, estimates: Deviations, island: np.ndarray, start: np.ndarray | float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Slips, angles less those of the start (machines), and accelerations (signals, 3), and which are known."""
         key = island.tobytes()
         if key not in self._weights:
             self._weights[key] = self._shares(island)
-        first, second = self._weights[key]
-        near = first @ np.stack(self._states(k, estimates.own, self._ages[0]), 1)
-        far = first @ (remote := np.stack(self._states(k, estimates.remote, self._ages[1]), 1)), second @ remote
-        both = np.where(self._own[:, None], near, far[0]) - far[1]
-        y = self._zero + np.where(self._angular, both[:, 1], both[:, 0])
-        known = ~(self._group & ~estimates.usable[k]).any(axis=1)
-        return np.where(known, y, rest)
+        first, second, read = self._weights[key]
+        own, remote = estimates.own, estimates.remote
+        near, far = (self._states(k, e, age, start) for e, age in zip((own, remote), self._ages, strict=True))
+        both = np.where(self._own[:, None], first @ near, first @ far) - second @ far
+        return both, ~(read & ~estimates.usable[k]).any(axis=1)
 
-    def _states(self, k: int, e: Estimate, age: float) -> tuple[np.ndarray, np.ndarray]:
-        """Slips and angles (machines) of simulation k at the present, of estimates with slips at the present."""
-        slip = e.slip[k]
-        if e.angle is None:
-            return slip, np.zeros(slip.shape)
-        return slip, e.angle[k] + self._wb * age * (slip - e.acceleration[k] * age / 2)
+    def _states(self, k: int, e: Estimate, age: float, start: np.ndarray | float) -> np.ndarray:
+        """The same of all machines (machines, 3) at the present, of estimates with slips at the present."""
+        slip, rate, angle = e.slip[k], e.acceleration[k], 0 * e.slip[k]
+        if e.angle is not None:
+            angle = e.angle[k] + self._wb * age * (slip - rate * age / 2) - start
+        return np.stack([slip, angle, rate], 1)
 
-    def _shares(self, island: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Weights (signals, machines) of what is added and of what is subtracted."""
+    def _shares(self, island: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Weights (signals, machines) of what is added and of what is subtracted, and the machines of the groups.
+
+        A machine that is off, or in another island than the one that is meant, is not read.
+        """
         first, second = np.zeros((2, *self._group.shape))
-        for i, (kind, group) in enumerate(zip(self._kinds, self._group, strict=True)):
+        read = self._group.copy()
+        for i, (kind, group, leader) in enumerate(zip(self._kinds, self._group, self._leaders, strict=True)):
             here = island >= 0
-            if group.any():
-                here = here & (island == island[group][0])
+            if (group & here).any():
+                here = here & (island == (island[leader] if here[leader] else island[group & here][0]))
+                read[i] = group & here
             own, others = _mean(self._H * (group & here)), _mean(self._H * (~group & here))
             others = others if others.any() else own
             whole = _mean(self._H * here)
@@ -239,7 +258,7 @@ class RotorSignals:
                 "speed": (own, 0 * own), "deviation": (own, others), "rest_speed": (others, 0 * own),
                 "coi_speed": (whole, 0 * own), "angle": (own, whole), "angle_deviation": (own, others),
             }[kind]  # fmt: skip
-        return first, second
+        return first, second, read
 
 
 def _members(signal: Signal, numbers: Sequence[int]) -> np.ndarray:

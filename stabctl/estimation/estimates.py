@@ -137,8 +137,8 @@ class Estimates(Tabular):
 
     @property
     def estimated_commands(self) -> np.ndarray:
-        """Bang-bang commands from the estimated deviations."""
-        return np.sign(self.deviation_estimated) * (np.abs(self.deviation_estimated) > self.deadband)
+        """Bang-bang commands from the estimated deviations; 0 where these are not usable."""
+        return np.sign(self.deviation_estimated) * (np.abs(self.deviation_estimated) > self.deadband) * self.usable
 
     def count_commands(self, before: str | float = np.inf) -> int:
         """Number of machine-frames with a bang-bang command from the estimates.
@@ -196,7 +196,7 @@ class Estimates(Tabular):
         Raises
         ------
         StudyError
-            If one of them is not a time, or no machine was in synchronism between them.
+            If one of them is not a time, they are not in order, or no machine was in synchronism between them.
 
         Examples
         --------
@@ -206,6 +206,8 @@ class Estimates(Tabular):
         3.1
         """
         begin, end = (seconds(one, self.point.case.frequency_hz) for one in (since, until))
+        if begin > end:
+            raise StudyError(f"There is nothing between {begin:g} and {end:g} s; give the earlier time first.")
         rows = (self.time >= begin - 1e-9) & (self.time <= end + 1e-9)
         on = self.on[rows]
         if not on.any():
@@ -243,6 +245,12 @@ class Estimates(Tabular):
         return round(float(shifts[k] + (0.5 * (a - c) / bend if bend > 0 else 0.0)), 1) + 0.0
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader of the numbers must know, a sentence each: bad PMUs, and a run without any usable speed."""
+        none = "No speed was usable in the whole run, so that all storage idled; give more PMUs, or better ones."
+        return *map(str, self.alarms), *(() if self.usable.any() else (none,))
+
+    @property
     def df(self) -> "pd.DataFrame":
         """A row per frame, seed and machine: deviations and their standard deviation (mHz), commands, usable, on."""
         import pandas as pd
@@ -265,5 +273,5 @@ class Estimates(Tabular):
         return (
             f"{self.point.case.name}, {self.control.estimator} estimator: {len(self.time)} frames at "
             f"{self.control.rate} per second, {counted(len(self.seeds), 'seed')}"
-            + "".join(f"\n{alarm}" for alarm in self.alarms)
+            + "".join(f"\n{line}" for line in self.notes)
         )

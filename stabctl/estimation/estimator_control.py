@@ -116,6 +116,11 @@ class EstimatorControl:
         return tuple(one for one in self._several if isinstance(one, Controller))
 
     @property
+    def timed(self) -> bool:
+        """Whether PMUs fail at given instants."""
+        return self.pmu.outage is not None or bool(self.pmu.bad)
+
+    @property
     def rate(self) -> int:
         """Frames per second."""
         return self.pmu.rate

@@ -15,7 +15,7 @@ import numpy as np
 
 from stabctl._util.errors import StudyError
 from stabctl.controllers import Input, Law, decided
-from stabctl.dynamics import outputs, storage
+from stabctl.dynamics import storage
 from stabctl.dynamics.named import Named
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import OUTPUTS, Signal, chosen, machines
@@ -175,23 +175,21 @@ class LawInputs:
         self._machine = [row[s.machine] for s in case.storage]
         self._energy = storage.places(point.system, case).energy
         groups = [next((g for g in law.groups if s.machine in g), (s.machine,)) for s in case.storage]
-        kinds = ("deviation", "angle_deviation")
-        names = [f"{kind}:{'+'.join(map(str, group))}" for group in groups for kind in kinds]
-        signals = {name: chosen(case, [name], OUTPUTS)[0] for name in names}
-        read = [(signals[name], "+" not in name) for name in names]
-        self._rest = np.array([float(outputs.value(point, s)(point.s)) for s, _ in read])
+        read = [(chosen(case, [f"deviation:{'+'.join(map(str, g))}"], OUTPUTS)[0], len(g) == 1) for g in groups]
         ages = pmu.own_frames(hz) / pmu.rate, pmu.remote_frames(hz) / pmu.rate
-        self._rotors = RotorSignals(point, read, inertia, ages) if law.groups or law.angular else None
+        self._start = point.s[point.rotors.angle]
+        wider = law.groups or law.angular
+        self._rotors = RotorSignals(point, read, inertia, ages, self._machine) if wider else None
 
     def signals(self, k: int, estimates: Deviations, island: np.ndarray, simulation: Simulation) -> list[Input]:
         """Inputs (devices) in simulation k, with its islands (machines)."""
-        s, speed, rate = simulation.s, estimates.speed[k], estimates.acceleration[k]
-        energy = s[self._energy]
-        deviation, angle = speed[self._machine], np.zeros(len(energy))
+        energy = simulation.s[self._energy]
+        deviation, rate = (of[k][self._machine] for of in (estimates.speed, estimates.acceleration))
+        angle = np.zeros(len(energy))
         if self._rotors is not None:
-            relative = self._rotors(k, estimates, island, self._rest) - self._rest
-            deviation, angle = relative[::2], relative[1::2]
-        return [Input(deviation[j], rate[i], angle[j], energy[j], simulation.time) for j, i in enumerate(self._machine)]
+            relative, known = self._rotors.relative(k, estimates, island, self._start)
+            deviation, angle, rate = relative.T * known
+        return [Input(*of, simulation.time) for of in zip(deviation, rate, angle, energy, strict=True)]
 
 
 class ControlInputs:

@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from math import ceil, hypot, pi
+from numbers import Integral
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -195,7 +196,18 @@ class Pmu:
         return cls(rate, **(none | options))
 
     def __post_init__(self) -> None:
+        if isinstance(self.rate, float) and float(self.rate).is_integer():
+            object.__setattr__(self, "rate", int(self.rate))
         guard(self)
+        for name, kind, example in (
+            ("missing", Integral, "(3,)"),
+            ("bad", BadPmu, "BadPmu(3, '0.5s', frozen=True)"),
+        ):
+            given = getattr(self, name)
+            several = (given,) if isinstance(given, kind) else given
+            if not isinstance(several, tuple | list) or not all(isinstance(one, kind) for one in several):
+                raise StudyError(f"{name} = {shown(given)} is not allowed; give {name}={example}.")
+            object.__setattr__(self, name, tuple(several))
         if self.rate not in RATES:
             rates = ", ".join(map(str, RATES))
             raise StudyError(f"A PMU rate of {self.rate} per second is not possible; choose one of {rates}.")

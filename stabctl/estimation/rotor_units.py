@@ -19,9 +19,9 @@ from ._swing import GOVERNOR
 Factor = float | tuple[float, ...]
 AMOUNT = Interval(ge=0, le=1e3)
 REACTANCES = ("x2", "x1d")  # behind which the internal voltage is formed: x'' where the machine has one, else x'd
-FLUX = ("xl", "xd", "xq", "x1q", "x2", "T1q", "T2q", "S10", "S12", "speed_factor")  # of the q axis of GENROU
-
-SALIENT = dict.fromkeys(("x1q", "T1q", "S10", "S12", "speed_factor"), 0.0)  # with one damper circuit: x'q = xq
+FLUX = ("xl", "xd", "xq", "x1q", "x2", "T1q", "T2q", "SA", "SB", "speed_factor", "exponential", "salient")  # q axis
+MODELS = ("gencls", "genrou", "genroe", "gensal", "gensae")  # whose equations the filters have
+EXPONENTIAL = ("genroe", "gensae")  # whose saturation is SB |psi''|^SA, not quadratic
 
 
 @dataclass(frozen=True)
@@ -97,10 +97,10 @@ def rotor_units(point: OperatingPoint, inertia: Factor = 1.0, reactance: Factor 
             "because it is a converter without a rotor; use a case with synchronous machines only."
         )
     for f in point.system.families:
-        if f.device.role == "machine" and f.device.current is not None:
+        if f.device.role == "machine" and f.name not in MODELS:
             raise StudyError(
-                f"The speed of {f.keys[0]} of {point.case.name} cannot be estimated, because {f.device.name} has "
-                "transient saliency; use a case with GENROU, GENSAL or GENCLS."
+                f"The speed of {f.keys[0]} of {point.case.name} cannot be estimated, because the filters do not have "
+                f"the equations of {f.device.name}; use a case with {', '.join(MODELS).upper()}."
             )
     columns = {name: np.zeros(m) for name in ("mva", "H", "D", "ra", "x")}
     flux, governor = ({name: np.zeros(m) for name in names} for names in (FLUX, GOVERNOR))
@@ -108,8 +108,8 @@ def rotor_units(point: OperatingPoint, inertia: Factor = 1.0, reactance: Factor 
         at, par = point.constants(table)
         given = par | {"x": par[next(name for name in REACTANCES if name in par)]}
         _fill(columns, at, given)
-        if set(FLUX) <= set(given | SALIENT):
-            _fill(flux, at, given if "x1q" in given else given | SALIENT | {"x1q": given["xq"]})
+        if "xq" in par:
+            _fill(flux, at, _q_axis(table, given))
     for table in (f.name for f in point.system.families if f.device.role == "governor"):
         at, par = point.constants(table)
         if set(GOVERNOR) <= set(par):
@@ -118,6 +118,13 @@ def rotor_units(point: OperatingPoint, inertia: Factor = 1.0, reactance: Factor 
     columns["x"] = columns["x"] * np.asarray(reactance)
     bus, H = point.system.unit_bus, columns["H"] * columns["mva"]
     return RotorUnits(bus, H, **columns, flux=flux, governor=governor, frequency_hz=point.case.frequency_hz)
+
+
+def _q_axis(table: str, par: dict[str, np.ndarray]) -> dict[str, np.ndarray | float]:
+    """The parameters with all of `FLUX`; a salient pole has one damper circuit, and x'q = xq."""
+    salient: dict[str, np.ndarray | float] = {"x1q": par["xq"], "T1q": 0.0, "speed_factor": 0.0}
+    own = {"SB": 0.0} if table == "gensal" else {}  # its saturation is that of E'q, of the other axis
+    return {**salient, "salient": "x1q" not in par, "exponential": table in EXPONENTIAL, **par, **own}
 
 
 def _fill(columns: dict[str, np.ndarray], at: np.ndarray, given: Mapping[str, np.ndarray | float]) -> None:

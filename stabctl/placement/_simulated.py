@@ -22,7 +22,7 @@ from stabctl.simulation.trajectory import Trajectory
 from .contingencies import target_cycles, without_fault
 from .siting_rows import SAME
 
-FORMAT = 6
+FORMAT = 7
 GRID = 0.125  # cycles
 What = Literal["outcome", "peak", "energy", "currents", "critical time"]
 
@@ -93,7 +93,7 @@ def simulate(one: Simulated, shared: Shared, record: Recorded) -> Trajectory:
     if one.contingency.fault is not None:
         return trial(one, shared).simulate(1, record)
     search, point = one.search, resized(shared.base.point, one.ratings)
-    events, last = without_fault(one.contingency, point.case)
+    events, last = without_fault(one.contingency, point.case, shared.control)
     until, longest = last + search.observed_s, last + search.longest_s
     how: dict[str, Any] = {"step": search.step, "criterion": search.criterion, "record": record}
     return run(point, events, until, shared.control, longest=longest, **how)

@@ -16,6 +16,7 @@ from stabctl.io.contingencies import read_contingencies
 from stabctl.io.contingencies.toml import checked, clearing_s
 from stabctl.model.case import Case, as_case
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.control import Control, acting
 
 Base = Case | OperatingPoint
 Bases = Base | Iterable[Base] | Mapping[str, Base]
@@ -81,10 +82,13 @@ def target_cycles(one: Contingency, case: Case) -> float | None:
     return None if one.fault is None else clearing_s(one, case) * case.frequency_hz
 
 
-def without_fault(one: Contingency, case: Case) -> tuple[Contingency, float]:
-    """A contingency without a fault, its first event at 0, and the instant (s) of its last event."""
+def without_fault(one: Contingency, case: Case, control: Control) -> tuple[Contingency, float]:
+    """A contingency without a fault, and the instant (s) of its last event.
+
+    Its first event is at 0, unless the control has instants of its own.
+    """
     timed = one.timed(case)
-    first = min(event.at for event in timed)
+    first = 0.0 if acting(control).timed else min(event.at for event in timed)
     moved = tuple(replace(event, at=event.at - first) for event in timed)
     return Contingency(events=moved, name=one.name), max(event.at for event in moved)
 

@@ -281,5 +281,5 @@ class Trials:
         """Instant (s) in `simulate` of the clearing of the fault, or of the last event without one."""
         one = self.scenarios[k].contingency
         if one.fault is None:
-            return without_fault(one, self.at(k).case)[1]
+            return without_fault(one, self.at(k).case, self._shared(k).control)[1]
         return trial(self._question("outcome", self.cap, k), self._shared(k)).cleared(1)

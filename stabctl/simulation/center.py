@@ -40,7 +40,7 @@ def mean(w, k, s, on, r, c):
         if group == 0 or k[c + 3] == 0:
             outside += H
             rest += H * y
-    if k[c + 1] != 0 and inside == 0:
+    if inside == 0 and (k[c + 1] != 0 or w[r + 3] >= 0):
         return own + k[c + 4]
     own = own / inside if inside > 0 else own
     rest = rest / outside if outside > 0 else own

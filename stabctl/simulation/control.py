@@ -57,6 +57,12 @@ class Acting:
     controllers: tuple[Controller, ...] = ()
     measured: tuple[Controller, ...] = ()  # that read what a pilot measures
 
+    @property
+    def timed(self) -> bool:
+        """Whether instants matter: a gate opens or closes, PMUs fail, or a Python function is told the time."""
+        timed = (c.law or (c.gate and c.gate.timed) for c in (*self.controllers, *self.measured))
+        return any(timed) or any(getattr(pilot, "timed", False) for pilot in self.pilots)
+
 
 def acting(control: Any, storage: bool = True) -> Acting:
     """The parts of a control, checked.

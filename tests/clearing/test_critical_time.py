@@ -8,9 +8,10 @@ import pytest
 from stabctl import io
 from stabctl._util.errors import StudyError
 from stabctl.clearing import Search, Trial, clearing_time
-from stabctl.controllers import BangBang, Controller
+from stabctl.controllers import BangBang, Controller, Gate
 from stabctl.dynamics.operating_point import initialize
 from stabctl.estimation.estimator_control import EstimatorControl
+from stabctl.estimation.pmu import Pmu
 from stabctl.model import fleet, powerflow
 from stabctl.simulation.contingency import Contingency
 
@@ -53,6 +54,26 @@ def test_longer_observation_never_helps(two_area):
 def test_its_own_clearing_time_and_instant_are_ignored(two_area):
     other = Contingency("7", clear="40cyc", trip="7-8", at="3s")
     assert clearing_time(two_area, other).cycles == 9.0
+
+
+@pytest.mark.parametrize(
+    "control",
+    [
+        EstimatorControl(pmu=Pmu(outage=("1s", "1.3s"))),
+        Controller("deviation", "order", [], [], [], 200 * np.eye(4), gate=Gate(start=1.02, end=1.4)),
+        Controller.from_function(
+            lambda seen: 200 * seen["deviation"] * (seen.time < 1.2), "deviation", "order", rate=60
+        ),
+    ],
+    ids=["outage of PMUs", "gate", "function"],
+)
+def test_instants_of_the_control_are_those_of_single_runs(stored, control):
+    found = clearing_time(stored, AT_7, control=control, resolution="0.5cyc", scan=0)
+    longest = round(2 * found.cycles)
+    stable = [
+        stored.simulate(AT_7.with_clear(k / 120), "6s", control=control).outcome.stable for k in (longest, longest + 1)
+    ]
+    assert stable == [True, False]
 
 
 def test_clearing_does_not_depend_on_what_was_searched_before(stored):

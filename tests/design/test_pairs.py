@@ -46,6 +46,14 @@ def test_scores_do_not_depend_on_units_and_follow_the_weights(base, ranked):
     )
 
 
+def test_the_score_is_the_documented_one_whatever_the_scale_of_the_eigenvectors(base, ranked):
+    modes = base.closed_loop(inputs=ranked.outputs, outputs=ranked.inputs).modes()
+    swings = modes.swings()
+    seen = modes.observability()[:, swings] / np.abs(modes.speeds[:, swings]).max(axis=0)
+    a = np.sqrt((np.abs(seen) ** 2).sum(axis=1))
+    assert ranked.scores == pytest.approx(np.abs(ranked.residues) / a[:, None], abs=1e-11)
+
+
 def test_a_late_signal_counts_by_what_of_it_damps(base, ranked):
     late = pairs(base, delay="100ms")
     assert late.scores == pytest.approx(ranked.scores * np.cos(2 * np.pi * late.mode_hz * 0.1))

@@ -59,6 +59,16 @@ def test_what_is_not_extrapolated_is_in_the_variance():
     assert not got.usable[0, 0]
 
 
+@pytest.mark.parametrize("islands", [WHOLE, np.array([[0, 0, 0, 1]])])
+def test_the_variance_beside_an_infinite_bus_is_that_of_the_others(islands):
+    """Its own weight, the square of its inertia, is not in the sum, nor is what rounding leaves of it."""
+    heavy, variance = np.array([1e10, *H[1:]]), np.array([[1e-8, 2e-8, 3e-8, 4e-8]])
+    got = CoiReference(heavy, 60, 0, 0).step(estimate()._replace(variance=variance), islands).sigma
+    others = H[1:] if islands is WHOLE else H[1:3]
+    mean = others**2 @ variance[0, 1 : 1 + len(others)] / others.sum() ** 2
+    assert got[0, 0] == pytest.approx(np.sqrt(variance[0, 0] + mean), rel=1e-9)
+
+
 @pytest.mark.parametrize("late", [0.05, 0.2, 0.35])
 def test_the_variance_of_late_deviations_is_that_of_their_errors(cases, late):
     """Mean squares of errors over `sigma`: 0.7, 0.8, 2.2, with 60 and 1250 in place of the last two."""

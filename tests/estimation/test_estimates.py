@@ -7,6 +7,9 @@ import pytest
 
 from stabctl._util.errors import StudyError
 from stabctl.estimation.estimate import estimate
+from stabctl.estimation.estimator_control import EstimatorControl
+from stabctl.estimation.pmu import Pmu
+from stabctl.simulation.contingency import Contingency
 
 
 @pytest.fixture(scope="module")
@@ -57,6 +60,19 @@ def test_wrong_and_opposite_commands_are_counted(blank):
     assert accuracy.opposite_command_share == pytest.approx(4 / seen.size)
 
 
+def test_the_commands_of_estimates_are_those_that_the_storage_gets(study):
+    """Also after an outage, when the devices idle: for 2 s, where reports were lost across the switching."""
+    point, events, cleared, _ = study("two_area")
+    control = EstimatorControl(pmu=Pmu(outage=("1s", "1.5s")))
+    found = estimate(point, Contingency("7", "6cyc", "7-8"), 4.5, control=control)
+    assert np.array_equal(np.sign(found.orders), found.estimated_commands)
+    silent = (found.time > 1.02) & (found.time < 3.48)
+    assert not found.usable[silent & (found.time > 1.52)].any()
+    assert found.usable[found.time > 3.6].any()
+    wrong = found.accuracy_between(1.52, 3.48).wrong_command_share
+    assert wrong == np.mean(found.true_commands[(found.time >= 1.52) & (found.time <= 3.48)] != 0)
+
+
 def test_machines_that_are_off_do_not_count(blank):
     found, _ = blank
     seen, on = found.deviation.copy(), found.on.copy()
@@ -67,6 +83,22 @@ def test_machines_that_are_off_do_not_count(blank):
 def test_nothing_to_judge_is_a_sentence(blank):
     with pytest.raises(StudyError, match="in synchronism between"):
         blank[0].accuracy_between(90, 95)
+
+
+def test_times_in_the_wrong_order_are_a_sentence(blank):
+    with pytest.raises(StudyError, match=r"between 1\.5 and 1\.1 s; give the earlier time first"):
+        blank[0].accuracy_between("1.5s", "1.1s")
+
+
+def test_a_run_without_any_usable_speed_says_so(study):
+    """Machines 1 and 2 are more than 30 % of the inertia, and cannot both be computed."""
+    point = study("two_area")[0]
+    found = estimate(point, None, 0.2, pmu=Pmu(missing=(1, 2)))
+    assert not found.usable.any()
+    assert str(found).endswith(
+        "No speed was usable in the whole run, so that all storage idled; give more PMUs, or better ones."
+    )
+    assert "usable" not in str(estimate(point, None, 0.2))
 
 
 def test_records_do_not_change(study):

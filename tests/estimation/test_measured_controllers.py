@@ -7,6 +7,11 @@ import pytest
 
 import stabctl as st
 from stabctl._util.errors import StudyError
+from stabctl.estimation._signals import Deviations
+from stabctl.estimation.estimator_loop import LawInputs
+from stabctl.estimation.estimators import Estimate
+from stabctl.simulation.setup import setup
+from stabctl.simulation.simulation import Simulation
 
 FAULT = st.Contingency("7-8@0.4", clear="6cyc", at="0.5s")
 NONE = np.zeros((0, 0))
@@ -155,6 +160,40 @@ def test_a_law_behind_ideal_pmus_acts_as_the_law_at_frames(law):
     assert np.array_equal(behind.arrays.order, alone.arrays.order)
     assert np.abs(behind.arrays.speed - alone.arrays.speed).max() < 1e-8  # measured 2e-9
     assert np.abs(alone.arrays.order).max() == 1
+
+
+@pytest.mark.parametrize("name", ["deviation:1+2", "deviation:2+1", "angle_deviation:1+2", "speed:1", "rest_speed:2"])
+def test_a_group_goes_on_without_a_machine_that_is_tripped(base, name):
+    """Behind ideal PMUs as with true signals: of a group those are meant that are on; of none, the value at rest."""
+    lost = st.Contingency("7-8@0.4", clear="6cyc", after=["2@0.2s"])
+    one = gain((name,), ("order:1@5",), [[20.0]])
+    true = base.simulate(lost, "2s", control=one)
+    ideal = base.simulate(lost, "2s", control=behind(one, "ideal", st.Pmu.exact()))
+    assert (np.abs(true.arrays.order[-1]).max() > 1e-4) == (name != "rest_speed:2")
+    assert np.abs(true.arrays.order - ideal.arrays.order).max() < 1e-6
+    assert np.nanmax(np.abs(true.speed.values - ideal.speed.values)) < 1e-8
+
+
+def test_a_law_with_groups_goes_on_without_a_machine_that_is_tripped():
+    """Apart from the frame in which it is tripped, and the instants of switching that follow from it."""
+    base = st.load("two_area").initialize(storage="50MW")
+    lost = st.Contingency("7-8@0.4", clear="10cyc", after=["2@0.2s"])
+    law = st.StorageLaw(("1+2", "3+4"), 1.0, arm_at="200mHz", timeout="2s")
+    behind = base.simulate(lost, 3, control=st.EstimatorControl(law, "ideal")).arrays.order
+    alone = base.simulate(lost, 3, control=law.sampled(60)).arrays.order
+    assert np.mean((behind != alone).any(axis=1)) < 0.03  # 4 of 361 steps; 127 where the group was dead
+    assert np.abs(alone[240:, 0]).max() == 1
+
+
+def test_the_acceleration_of_a_group_is_that_of_its_center():
+    base = st.load("two_area").initialize(storage="50MW")
+    H, rate = np.array([1.0, 3.0, 2.0, 2.0]), np.array([[0.4, 0.8, 0.1, 0.3]])
+    none, here = np.zeros((1, 4)), np.ones((1, 4), bool)
+    now = Estimate(none, rate, none, none, here, none, none)
+    seen = LawInputs(base, st.StorageLaw(("1+2", "3+4"), max_acceleration=0.1), H, st.Pmu.exact()).signals(
+        0, Deviations(none, rate, none, here, now, now), np.zeros(4, int), Simulation(setup(base))
+    )
+    assert [one.acceleration for one in seen] == pytest.approx([0.5, 0.5, -0.5, -0.5])
 
 
 def test_a_law_behind_pmus_has_their_rate():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stabctl._util.errors import StudyError
-from stabctl.estimation.pmu import Instrument, Pmu
+from stabctl.estimation.pmu import BadPmu, Instrument, Pmu
 
 ONE = np.ones(1000, complex)
 
@@ -73,6 +73,19 @@ def test_a_class_delays_by_half_its_window_and_keeps_a_steady_turn():
         frames.append(instrument.report(k / 60, V, V, V.real))
     assert (pmu.own_frames(60), pmu.remote_frames(60)) == (3, 3)
     assert np.angle(frames[-1].V[0, 0]) == pytest.approx(0.01 * (19 - 3))
+
+
+def test_one_machine_or_bad_pmu_is_enough_and_a_whole_rate_may_be_a_float():
+    bad = BadPmu(3, "0.5s", jump="5deg")
+    assert Pmu(60.0, missing=3, bad=bad) == Pmu(60, missing=(3,), bad=(bad,))
+    assert isinstance(Pmu(60.0).rate, int)
+
+
+@pytest.mark.parametrize("wrong", [{"missing": ("3",)}, {"missing": "3"}, {"missing": 3.5}, {"bad": 3}, {"bad": (3,)}])
+def test_what_is_no_machine_or_bad_pmu_is_refused(wrong):
+    (name,) = wrong
+    with pytest.raises(StudyError, match=rf"^{name} = .* is not allowed; give {name}="):
+        Pmu(**wrong)
 
 
 def test_frames_of_delay():

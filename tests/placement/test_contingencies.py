@@ -4,6 +4,7 @@ import pytest
 
 from stabctl._util.errors import StudyError
 from stabctl.clearing import ClearingTime, Lines, Screen, Search
+from stabctl.controllers import Controller, Gate
 from stabctl.placement.contingencies import clearing_s, contingencies, from_screen, packaged, without_fault
 from stabctl.simulation.contingency import Contingency
 
@@ -136,10 +137,13 @@ def test_impedances_and_machine_trips_of_a_file(read):
     assert (fourth.fault, str(fourth.trip)) == (None, "('16-21',)")
 
 
-def test_without_a_fault_time_begins_with_the_first_event(cases):
-    moved, last = without_fault(Contingency(trip="16-21", at="2s", events="16-24@2.5s"), cases("ieee39"))
-    assert sorted(event.at for event in moved.events) == [0.0, 0.5]
-    assert last == 0.5
+def test_without_a_fault_time_begins_with_the_first_event_or_is_that_of_a_gate(cases):
+    two, gate = Contingency(trip="16-21", at="2s", events="16-24@2.5s"), Gate(start=2.2)
+    timed = Controller("deviation:1", "vref:1", [], [], [], [[1.0]], gate=gate)
+    for control, first in ((None, 0.0), (timed, 2.0)):
+        moved, last = without_fault(two, cases("ieee39"), control)
+        assert sorted(event.at for event in moved.events) == [first, first + 0.5]
+        assert last == first + 0.5
 
 
 def test_a_file_that_cannot_be_read(cases, tmp_path):
