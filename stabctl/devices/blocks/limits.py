@@ -6,21 +6,21 @@ from stabctl._util.jit import inline
 @inline
 def at_least(x, low):
     """x, but never below `low`."""
-    return low if x.real < low.real else x
+    return low if x.real <= low.real else x
 
 
 @inline
 def at_most(x, high):
     """x, but never above `high`."""
-    return high if x.real > high.real else x
+    return high if x.real >= high.real else x
 
 
 @inline
 def clip(x, low, high):
     """x between its limits."""
-    if x.real < low.real:
+    if x.real <= low.real:
         return low
-    if x.real > high.real:
+    if x.real >= high.real:
         return high
     return x
 
