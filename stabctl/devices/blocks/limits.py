@@ -12,15 +12,15 @@ def at_least(x, low):
 @inline
 def at_most(x, high):
     """x, but never above `high`."""
-    return high if x.real >= high.real else x
+    return high if x.real > high.real else x
 
 
 @inline
 def clip(x, low, high):
-    """x between its limits."""
+    """x between its limits; with equal limits a constant, whose derivative is 0 there too."""
     if x.real <= low.real:
         return low
-    if x.real >= high.real:
+    if x.real > high.real:
         return high
     return x
 
