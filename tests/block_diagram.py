@@ -31,7 +31,8 @@ def feedback(forward, backward):
 def opened(device, p):
     """Parameters, those computed from others filled in, with every limit removed."""
     p = device.prepared(p)
-    return p._replace(**{n: family.side(device, n) * FAR for n in p._fields if family.side(device, n)})
+    limits = [n for n in p._fields if n.endswith(("max", "min")) or n in device.upper]
+    return p._replace(**{n: family.side(device, n) * FAR for n in limits})
 
 
 def evaluate(device, p, x, u, v=(1.0, 0.0)):

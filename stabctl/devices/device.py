@@ -111,6 +111,7 @@ class Device:
     )
     stops: Collection[str] = _constant("STOPS", (), "states of LIMITS at whose limit the power of the device jumps")
     upper: Collection[str] = _constant("UPPER", (), "parameters that are upper limits without a name in ...max")
+    levels: Collection[str] = _constant("LEVELS", (), "parameters where a signal bends, which a start may exceed")
     deadbands: Collection[str] = _constant("DEADBANDS", (), "parameters that initialization sets to 0: deadbands")
     closed: Collection[str] = _constant("CLOSED", (), "time constants whose value 0 opens a circuit")
     continuation: Collection[str] = _constant("CONTINUATION", (), "parameters that initialization introduces in steps")
@@ -200,8 +201,9 @@ EQUATIONS = {f.name: f.metadata["reads"] for f in fields_of(Device) if "reads" i
 CONSTANTS = {f.metadata["constant"]: f.name for f in fields_of(Device) if "constant" in f.metadata}
 RECORDS = tuple(f.name for f in fields_of(Device) if "record" in f.metadata)
 _OF_RECORD = {  # constants that are names of fields -> where these are
-    "STOPS": "State", "UPPER": "Par", "DEADBANDS": "Par", "CLOSED": "Par", "CONTINUATION": "Par", "PLL_GAINS": "Par",
-    "ANGLES": "State", "PLL": "State", "CURRENT_LIMIT": "Par", "LIMITS": "State", "PHASORS": "State", "LOOPS": "State",
+    "STOPS": "State", "UPPER": "Par", "LEVELS": "Par", "DEADBANDS": "Par", "CLOSED": "Par", "CONTINUATION": "Par",
+    "PLL_GAINS": "Par", "ANGLES": "State", "PLL": "State", "CURRENT_LIMIT": "Par", "LIMITS": "State",
+    "PHASORS": "State", "LOOPS": "State",
 }  # fmt: skip
 
 

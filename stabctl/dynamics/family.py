@@ -102,8 +102,8 @@ def reads(device: Device, equation: str) -> tuple[str, ...]:
 
 
 def side(device: Device, name: str) -> int:
-    """1 for a parameter that is an upper limit (...max, or listed in UPPER), -1 for a lower limit (...min), else 0."""
-    if name.endswith("max") or name in device.upper:
+    """1 for an upper limit (...max, or in UPPER) and a parameter in LEVELS, -1 for a lower limit (...min), else 0."""
+    if name.endswith("max") or name in (*device.upper, *device.levels):
         return 1
     return -1 if name.endswith("min") else 0
 

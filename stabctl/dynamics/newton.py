@@ -194,10 +194,10 @@ def _constants(families: list[Family]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def opened(f: Family, closed: bool = True) -> np.ndarray:
-    """Parameters of a family without limits and deadbands and, if `closed`, with every rotor circuit closed."""
+    """Parameters of a family without limits (but levels) and deadbands and, if `closed`, every rotor circuit closed."""
     k, names = f.k.copy(), f.device.Par._fields
     for i, name in enumerate(names):
-        if side := family.side(f.device, name):
+        if (side := family.side(f.device, name)) and name not in f.device.levels:
             k[:, i] = side * FAR
         elif name in f.device.deadbands:
             k[:, i] = 0.0

@@ -68,8 +68,8 @@ def limited(point: OperatingPoint) -> None:
             )
     raise LinearizationError(
         f"The equations at {_where(point, rows[0])} are not differentiable at the operating point of "
-        f"{point.case.name}; choose another operating point. A deadband of no width with two slopes (Ddn and Dup) "
-        "bends there."
+        f"{point.case.name}; choose another operating point. A signal is exactly at a level in its data, or a "
+        "deadband of no width with two slopes (Ddn and Dup) bends there."
     )
 
 
@@ -124,7 +124,7 @@ def nudges(point: OperatingPoint, k: np.ndarray | None = None, lim: Limits | Non
     """A small perturbation of all signals (layout.size) but those that no small disturbance moves; outputs follow."""
     step = np.zeros(point.layout.size)
     step[: point.layout.step] = _nudges(point.layout.step)
-    step[_kept(point, k, lim or point.system.limits)] = 0.0
+    step[kept(point, k, lim)] = 0.0
     return step
 
 
@@ -134,12 +134,13 @@ def _nudges(count: int) -> np.ndarray:
     return NUDGE * np.random.default_rng(0).choice([-1, 1], count) * np.linspace(0.5, 1, count)
 
 
-def _kept(point: OperatingPoint, k: np.ndarray | None, lim: Limits) -> np.ndarray:
-    """Places of the states at a non-windup limit to which they would return: no small disturbance moves them.
+def kept(point: OperatingPoint, k: np.ndarray | None = None, lim: Limits | None = None) -> np.ndarray:
+    """Places of the states that no small disturbance moves: their non-windup limits are equal, or they would return.
 
     So rests the integral of a controller that acts beyond a limit only. A rate that no perturbation reverses exceeds
     the largest derivative of its equation times the perturbation.
     """
+    lim = lim or point.system.limits
     s, per = point.s.copy(), point.s[lim.scale]
     low, high = lim.low * per, lim.high * per
     s[lim.state] = np.clip(s[lim.state], low + NUDGE, high - NUDGE)
@@ -147,7 +148,7 @@ def _kept(point: OperatingPoint, k: np.ndarray | None, lim: Limits) -> np.ndarra
     slope = np.zeros(point.equations.pattern.total)
     np.maximum.at(slope, point.equations.rows, np.abs(slopes))
     rate, least, x = values[lim.state], SMOOTH * slope[lim.state], point.s[lim.state]
-    return lim.state[((x >= high) & (rate > least)) | ((x <= low) & (rate < -least))]
+    return lim.state[(low >= high) | ((x >= high) & (rate > least)) | ((x <= low) & (rate < -least))]
 
 
 def _replaced(point: OperatingPoint, changed: tuple[str, np.ndarray]) -> list[Family]:

@@ -90,8 +90,8 @@ def descriptor(
 ) -> Descriptor:
     """Sparse descriptor matrices of an operating point, exact (complex step on the simulated equations).
 
-    States that are constant and appear in no equation (bypassed blocks) are left out, and so is the energy of a storage
-    device that no output reads: it is the integral of its power and appears in no other equation.
+    States that are constant and appear in no equation (bypassed blocks), or that equal limits hold, are left out. So is
+    the energy of a storage device that no output reads: the integral of its power, in no other equation.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def descriptor(
     live = filled(d.of_rates, 1) | filled(d.of_rates[:, :nx], 0) | filled(d.of_currents[:, :nx], 0)
     read = _linearization_checks.energies(point, y)
     energy = [k for k, p in enumerate(lay.states) if storage.is_energy(p.table, p.name) and k not in read]
-    live[energy] = False
+    live[energy] = live[_linearization_checks.kept(point)] = False
     rows = np.flatnonzero(live)
     given = np.array([place(point, signal) for signal in u], int)
     rates, currents, v = d.of_rates[rows], d.of_currents, slice(nx, nv)

@@ -99,15 +99,14 @@ def _geev(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _paired(values: np.ndarray, Y: np.ndarray, Z: np.ndarray) -> np.ndarray:
-    """Left vectors scaled to W^H V = I, within groups of eigenvalues that coincide."""
-    Z = Z / np.einsum("ij,ij->j", Z.conj(), Y).conj()
+    """Left vectors scaled to W^H V = I, within groups of eigenvalues that coincide; Z are unit vectors."""
+    raw, Z = Z, Z / np.einsum("ij,ij->j", Z.conj(), Y).conj()
     upper = np.sort(values.real[values.imag >= 0])
     if (np.diff(upper) <= NEAR * np.maximum(1, np.abs(values).max())).any():
         near = np.abs(values[:, None] - values) <= NEAR * np.maximum(1, np.abs(values))
         member = connected_components(near, directed=False)[1]
         for group in (np.flatnonzero(member == g) for g in np.flatnonzero(np.bincount(member) > 1)):
-            raw = Z[:, group] / np.linalg.norm(Z[:, group], axis=0)
-            Z[:, group] = raw @ np.linalg.pinv(Y[:, group].conj().T @ raw)
+            Z[:, group] = raw[:, group] @ np.linalg.pinv(Y[:, group].conj().T @ raw[:, group])
     return Z
 
 

@@ -371,7 +371,7 @@ def zero(linear: Linear, right: np.ndarray, left: np.ndarray, reference: int | N
         return f"angle reference (rotating {linear.states[own[0]]} and all other angles of its island changes nothing)"
     fixed = [k for k in range(len(left)) if not linear.A[k].any() and abs(left[k]) > 0.5 * np.abs(left).max()]
     if fixed:
-        return f"constant state {linear.states[fixed[0]]} (open circuit)"
+        return f"constant state {linear.states[fixed[0]]} (its circuit is open, or limits hold it)"
     if (
         len(linear.speeds())
         and np.abs(left[linear.speeds()]).max() >= 0.5 * np.abs(left[np.r_[linear.speeds(), linear.angles()]]).max()

@@ -1,5 +1,7 @@
 """Governors: block diagrams by frequency response, limits reached and left, stationary start; in plain Python."""
 
+import re
+
 import control
 import numpy as np
 import pytest
@@ -235,6 +237,14 @@ def test_the_temperature_limit_of_gast_takes_over_from_the_speed():
     out = motion(gast, par, x, lambda t: u | {"omega": 0.985}, 40.0)
     assert out[:, -1].max() > 0.85
     assert out[-1, -1] == pytest.approx(0.8, abs=1e-4)
+
+
+def test_the_delay_of_degov_is_as_good_as_its_description_says():
+    """The diagram above has this delay."""
+    shown = float(re.search(r"within 1 degree up to omega TD = (\d\.\d)", degov.module.__doc__)[1])
+    section = control.tf(*control.pade(1 / 4, 2))
+    below, above = (np.angle(section(1j * w) ** 4 * np.exp(1j * w), deg=True) for w in (shown, shown + 0.1))
+    assert abs(below) < 1 < abs(above)  # 0.97, 1.06
 
 
 def test_degov_waits_for_its_delay():

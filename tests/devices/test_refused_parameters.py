@@ -31,6 +31,8 @@ REFUSED = [  # parameters, changes that are refused, the field named, further ch
     (EXCITERS["st8c"], {"KPA": 0.0, "KIA": 0.0}, "KPA", {"KPA": 0.1}),
     (EXCITERS["dc4b"], {"KP": 0.0, "KI": 0.0}, "KP", {"KI": 0.1}),
     (EXCITERS["dc4b"], {"KI": 0.0, "KP": 0.0}, "KP", {"KP": 0.1}),
+    (EXCITERS["esst4b"], {"KPR": 0.0, "KIR": 0.0}, "KPR", {"KIR": 0.1}),
+    (EXCITERS["esst4b"], {"KPM": 0.0, "KIM": 0.0}, "KPM", {"KPM": 0.1}),
     (EXCITERS["st6b"], {"KPA": 0.0, "KIA": 0.0}, "KPA", {"KIA": 0.1}),
     (EXCITERS["st6b"], {"KFF": 0.0, "KM": 0.0}, "KM", {"KFF": 0.1}),
     (EXCITERS["exst1"], {"KF": 0.01, "TF": SHORT, "TA": SHORT / 2}, "TA", {"TA": SHORT}),

@@ -19,6 +19,7 @@ from systems import (
     each,
     kind,
     small,
+    table,
     with_shares,
 )
 
@@ -156,6 +157,44 @@ def test_a_start_at_its_limit_within_the_accuracy_of_the_solution_is_one(models,
     assert np.abs(rates(at)[0]).max() < 1e-8  # 1/s
     with pytest.raises(EquilibriumError, match=f"{limit} = "):
         operating_point.solve(case.set(f"{model}.1.{limit}", needed + 1e-6 * beyond))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "given", "level", "value"),
+    [
+        ("esst3a", {}, "VBmax", 1.5),
+        ("esst3a", {"VImax": 2.0}, "VGmax", 0.5),
+        ("esst4b", {}, "VBmax", 1.5),
+        ("st8c", {}, "VB1max", 1.5),
+        ("st8c", {"VB1max": 2.0}, "VB2max", 0.1),
+        ("exst3 with a compound source", {"KG": 1.0, "VImax": 5.0}, "VGmax", 0.5),
+        ("esac6a", {"KH": 4.0}, "VHmax", 0.2),
+    ],
+)
+def test_beyond_a_level_of_a_source_or_a_feedback_there_is_an_equilibrium(name, given, level, value):
+    """The control makes up for it: the field voltage is the same, and nothing moves."""
+    models, model = LIBRARY[name], table(name)
+    free = models | {model: models[model]._replace(**given)}
+    held = models | {model: models[model]._replace(**given, **{level: value})}
+    point, without = operating_point.solve(small(held)), operating_point.solve(small(free))
+    assert len(point.s) == len(without.s)
+    assert np.abs(point.s - without.s).max() > 1e-3
+    assert np.abs(rates(point)[0]).max() < 1e-9
+    assert np.abs(rates(point)[1]).max() < 1e-9
+    assert needed(held, "Efd") == pytest.approx(needed(free, "Efd"), abs=1e-9)
+
+
+@pytest.mark.slow
+def test_a_gate_of_the_field_current_is_opened_while_the_start_is_searched():
+    """EXAC2 with KH = 0: the limiter takes over on the way, and not at the start."""
+    fast = LIBRARY["exac2"]["exac2"]._replace(
+        KH=0.0, KA=400.0, KB=25.0, VAmax=8.0, VAmin=-8.0, VRmax=105.0, VRmin=-95.0
+    )
+    models = LIBRARY["exac2"] | {"exac2": fast._replace(VLR=8.0, TR=0.0, TB=0.0, TC=0.0)}
+    assert np.abs(rates(operating_point.solve(small(models)))[0]).max() < 1e-8
+    with pytest.raises(EquilibriumError, match=r"EXAC2 of machine 1 at bus 1 .*: VLR = 0.5 pu is exceeded"):
+        operating_point.solve(small(models | {"exac2": fast._replace(VLR=0.5)}))
 
 
 def test_a_bypassed_block_has_no_state_that_could_lie_beyond_a_limit():

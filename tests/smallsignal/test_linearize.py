@@ -7,7 +7,7 @@ import pytest
 from scipy.io import loadmat
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse.linalg import splu
-from systems import FORMING, doubled, each, kind, small
+from systems import FORMING, LIBRARY, doubled, each, kind, small
 
 from stabctl import io
 from stabctl._util.errors import LinearizationError, StudyError
@@ -160,6 +160,17 @@ def test_a_stabilizer_limit_at_the_operating_point_is_named(point):
     ) as caught:
         linearize(operating_point.solve(case))
     assert "widen Vmax in pss.csv (--set pss.2.Vmax=...)" in str(caught.value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("level", ["VCU", "VCL"])
+def test_a_voltage_at_which_a_stabilizer_goes_out_is_named(level):
+    models = LIBRARY["ieeest"]
+    p = operating_point.solve(small(models))
+    exactly = {level: float(p.s[p.layout.signals[0, "vt"]])}
+    at = small(models | {"ieeest": models["ieeest"]._replace(**exactly)})
+    with pytest.raises(LinearizationError, match=f"IEEEST of machine 1 at bus 1 is exactly at its limit {level} = "):
+        linearize(at)
 
 
 def test_a_governor_at_full_gate_is_named(point):

@@ -62,7 +62,7 @@ def test_zeros_are_explained(modes, point):
         return [m.label(k) for k in range(len(m)) if m.eigenvalues[k] == 0]
 
     assert zeros(modes("two_area")) == ["angle reference (rotating all angles together changes nothing)"]
-    assert zeros(modes("ieee39"))[1] == "constant state rotor flux q GENROU 10 (open circuit)"
+    assert zeros(modes("ieee39"))[1] == "constant state rotor flux q GENROU 10 (its circuit is open, or limits hold it)"
     classical = analyze(linearize(operating_point.solve(point("two_area").case.classical())))
     assert zeros(classical)[1].startswith("frequency reference (no governor or damping restores")
     assert classical.stable

@@ -6,7 +6,7 @@ from stabctl._util.jit import inline
 @inline
 def at_least(x, low):
     """x, but never below `low`."""
-    return low if x.real < low.real else x
+    return low if x.real <= low.real else x
 
 
 @inline
@@ -17,8 +17,8 @@ def at_most(x, high):
 
 @inline
 def clip(x, low, high):
-    """x between its limits."""
-    if x.real < low.real:
+    """x between its limits; with equal limits a constant, whose derivative is 0 there too."""
+    if x.real <= low.real:
         return low
     if x.real > high.real:
         return high

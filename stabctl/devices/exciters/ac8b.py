@@ -67,8 +67,7 @@ class Par(NamedTuple):
 
     def errors(self) -> Iterator[tuple[str, str]]:
         """Field and message for each parameter that the equations do not allow."""
-        if self.KPR == 0 and self.KIR == 0:
-            yield "KPR", "must be above 0 where KIR = 0"
+        yield from shared.gains(self, ("KPR", "KIR"))
         yield from shared.errors(self)
 
 

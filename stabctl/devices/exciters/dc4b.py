@@ -61,8 +61,7 @@ class Par(NamedTuple):
 
     def errors(self) -> Iterator[tuple[str, str]]:
         """Field and message for each parameter that the equations do not allow."""
-        if self.KP == 0 and self.KI == 0:
-            yield "KP", "must be above 0 where KI = 0"
+        yield from shared.gains(self, ("KP", "KI"))
         yield from shared.errors(self)
 
 

@@ -29,9 +29,11 @@ from .shared import Output, prepare
 NAME = "ESAC6A"
 ROLE = "exciter"
 LIMITS = {"ve": (0.0, np.inf)}
+LEVELS = ("VFELIM", "VHmax")
 DYR = {"ESAC6A": "TR KA TA TK TB TC VAmax VAmin VRmax VRmin TE VFELIM KH VHmax TH TJ KC KD KE E1 SE1 E2 SE2"}
 __all__ = [
-    "DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record", "guess", "prepare",
+    "DYR", "LEVELS", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record", "guess",
+    "prepare",
 ]  # fmt: skip
 
 

@@ -22,10 +22,11 @@ from .shared import Output
 NAME = "ESST1A"
 ROLE = "exciter"
 LIMITS = {"vr": ("VAmin", "VAmax")}
+LEVELS = ("ILR",)
 DYR = {
     "ESST1A": "+UEL +VOS TR VImax VImin TC TB TC1 TB1 KA TA VAmax VAmin VRmax VRmin KC KF TF KLR ILR",
 }
-__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record"]
+__all__ = ["DYR", "LEVELS", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record"]
 
 
 class Par(NamedTuple):

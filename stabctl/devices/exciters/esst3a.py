@@ -22,8 +22,9 @@ from .shared import Output
 NAME = "ESST3A"
 ROLE = "exciter"
 LIMITS = {"vr": ("VRmin", "VRmax"), "vm": ("VMmin", "VMmax")}
+LEVELS = ("VBmax", "VGmax")
 DYR = {"ESST3A": "TR VImax VImin KM TC TB KA TA VRmax VRmin KG KP KI VBmax KC XL VGmax THETAP TM VMmax VMmin"}
-__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations"]
+__all__ = ["DYR", "LEVELS", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations"]
 
 
 class Par(NamedTuple):

@@ -9,6 +9,7 @@ The gates for excitation limiters are not represented.
 Source: IEEE Std 421.5, type ST4B; PSS/E Model Library, ESST4B.
 """
 
+from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 from stabctl._util.jit import inline
@@ -16,12 +17,13 @@ from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import at_most, clip, compound, integral, lag, pi, rectified
 
 from .shared import CompoundInput as Input
-from .shared import Output
+from .shared import Output, gains
 
 NAME = "ESST4B"
 ROLE = "exciter"
+LEVELS = ("VBmax",)
 DYR = {"ESST4B": "TR KPR KIR VRmax VRmin TA KPM KIM VMmax VMmin KG KP KI VBmax KC XL THETAP"}
-__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations"]
+__all__ = ["DYR", "LEVELS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations"]
 
 
 class Par(NamedTuple):
@@ -44,6 +46,10 @@ class Par(NamedTuple):
     KC: Annotated[float, "pu", "rectifier loading, proportional to the commutating reactance", NOT_NEGATIVE]
     XL: Annotated[float, "pu", "reactance of the potential source", NOT_NEGATIVE]
     THETAP: Annotated[float, "-", "angle of the potential source, degrees"]
+
+    def errors(self) -> Iterator[tuple[str, str]]:
+        """Field and message for each parameter that the equations do not allow."""
+        return gains(self, ("KPR", "KIR"), ("KPM", "KIM"))
 
 
 class State(NamedTuple):

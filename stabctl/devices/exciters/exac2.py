@@ -30,9 +30,11 @@ from .shared import Output, prepare
 NAME = "EXAC2"
 ROLE = "exciter"
 LIMITS = {"vr": ("VAmin", "VAmax"), "ve": (0.0, np.inf)}
+UPPER = ("VLR",)
 DYR = {"EXAC2": "TR TB TC KA TA VAmax VAmin KB VRmax VRmin TE KL KH KF TF KC KD KE VLR E1 SE1 E2 SE2"}
 __all__ = [
-    "DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record", "guess", "prepare",
+    "DYR", "LIMITS", "NAME", "ROLE", "UPPER", "Input", "Output", "Par", "State", "equations", "from_record", "guess",
+    "prepare",
 ]  # fmt: skip
 
 

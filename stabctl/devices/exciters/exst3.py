@@ -23,8 +23,9 @@ from .shared import Output
 NAME = "EXST3"
 ROLE = "exciter"
 LIMITS = {"vr": ("VRmin", "VRmax")}
+LEVELS = ("VGmax",)
 DYR = {"EXST3": "TR VImax VImin KJ TC TB KA TA VRmax VRmin KG KP KI Emax KC XL VGmax THETAP"}
-__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations"]
+__all__ = ["DYR", "LEVELS", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations"]
 
 
 class Par(NamedTuple):

@@ -43,6 +43,13 @@ class Output(NamedTuple):
     Efd: Annotated[float, "pu", "field voltage"]
 
 
+def gains(p: Any, *pairs: tuple[str, str]) -> Iterator[tuple[str, str]]:
+    """Field and message for each pair of gains, proportional and integral, that are both 0: nothing controls then."""
+    for first, second in pairs:
+        if getattr(p, first) == 0 and getattr(p, second) == 0:
+            yield first, f"must be above 0 where {second} = 0"
+
+
 # Saturation of an exciter through the points (E1, SE1) and (E2, SE2): SE(E) E = SB (E - SA)^2; SE2 = 0: none.
 
 

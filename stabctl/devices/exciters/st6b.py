@@ -19,7 +19,7 @@ from stabctl._util.schema import NOT_NEGATIVE
 from stabctl.devices.blocks import at_least, clip, derivative, integral, lag, lag_rate, low_value, pi
 
 from .shared import LoadedInput as Input
-from .shared import Output
+from .shared import Output, gains
 
 NAME = "ST6B"
 ROLE = "exciter"
@@ -50,10 +50,7 @@ class Par(NamedTuple):
 
     def errors(self) -> Iterator[tuple[str, str]]:
         """Field and message for each parameter that the equations do not allow."""
-        if self.KPA == 0 and self.KIA == 0:
-            yield "KPA", "must be above 0 where KIA = 0"
-        if self.KFF == 0 and self.KM == 0:
-            yield "KM", "must be above 0 where KFF = 0"
+        return gains(self, ("KPA", "KIA"), ("KM", "KFF"))
 
 
 class State(NamedTuple):

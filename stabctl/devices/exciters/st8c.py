@@ -21,16 +21,17 @@ from stabctl._util.schema import NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import at_most, clip, compound, integral, lag, magnitude, pi, rectified
 
 from .shared import CompoundInput as Input
-from .shared import Output
+from .shared import Output, gains
 
 NAME = "ST8C"
 ROLE = "exciter"
 LIMITS = {"va": ("VRmin", "VRmax")}
+LEVELS = ("VB1max", "VB2max")
 DYR = {
     "ST8C": "+SW1 _UEL _OEL _SCL TR KPR KIR VPImax VPImin KPA KIA VAmax VAmin KA TA VRmax VRmin KF TF KC1 KP KI1 XL "
     "THETAP VB1max KC2 KI2 VB2max",
 }
-__all__ = ["DYR", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record"]
+__all__ = ["DYR", "LEVELS", "LIMITS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record"]
 
 
 class Par(NamedTuple):
@@ -64,9 +65,7 @@ class Par(NamedTuple):
 
     def errors(self) -> Iterator[tuple[str, str]]:
         """Field and message for each parameter that the equations do not allow."""
-        for first, second in (("KPR", "KIR"), ("KPA", "KIA")):
-            if getattr(self, first) == 0 and getattr(self, second) == 0:
-                yield first, f"must be above 0 where {second} = 0"
+        return gains(self, ("KPR", "KIR"), ("KPA", "KIA"))
 
 
 class State(NamedTuple):

@@ -4,7 +4,7 @@ omega - 1 -> [-(1+sT3)/(1+sT1+s^2 T1 T2)] -> [K (1+sT4)/(s (1+sT5)(1+sT6))], hel
 throttle -> [exp(-sTD)] -> times omega -> Pm
 
 It has no load reference: the governor holds the speed, the throttle starts at the power. The delay is a chain of four
-Pade approximations of TD/4, within 1 degree up to omega TD = 6.7.
+Pade approximations of TD/4, within 1 degree up to omega TD = 5.1.
 Source: PSS/E Model Library, DEGOV.
 """
 

@@ -22,8 +22,9 @@ from .signals import Input, Output, measured, supported, unknown
 
 NAME = "IEEEST"
 ROLE = "stabilizer"
+LEVELS = ("VCU", "VCL")
 DYR = {"IEEEST": "+code +bus A1 A2 A3 A4 A5 A6 T1 T2 T3 T4 T5 T6 KS Lmax Lmin VCU VCL"}
-__all__ = ["DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record"]
+__all__ = ["DYR", "LEVELS", "NAME", "ROLE", "Input", "Output", "Par", "State", "equations", "from_record"]
 
 
 class Par(NamedTuple):

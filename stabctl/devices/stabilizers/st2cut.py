@@ -21,9 +21,10 @@ from .signals import Input, Output, measured, supported, unknown
 
 NAME = "ST2CUT"
 ROLE = "stabilizer"
+LEVELS = ("VCU", "VCL")
 DYR = {"ST2CUT": "+code1 +bus1 +code2 +bus2 K1 K2 T1 T2 T3 T4 T5 T6 T7 T8 T9 T10 Lmax Lmin VCU VCL"}
 __all__ = [
-    "DYR", "NAME", "ROLE", "Input", "Output", "Par", "State", "automatic", "equations", "from_record",
+    "DYR", "LEVELS", "NAME", "ROLE", "Input", "Output", "Par", "State", "automatic", "equations", "from_record",
 ]  # fmt: skip
 
 
