@@ -6,7 +6,7 @@ from stabctl._util.jit import inline
 @inline
 def at_least(x, low):
     """x, but never below `low`."""
-    return low if x.real <= low.real else x
+    return low if x.real < low.real else x
 
 
 @inline
