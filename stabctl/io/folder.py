@@ -230,9 +230,7 @@ def _keys(folder: Path, name: str, table: Table) -> list[int]:
     for row, line in zip(table.rows, table.lines, strict=True):
         number = row[column]
         if number in found:
-            text = (
-                f"{column} {number} appears twice (rows {found[number]} and {line}); {column} numbers must be unique."
-            )
+            text = f"{column} {number} appears twice (rows {found[number]} and {line}); give each its own."
             raise CaseError(f"{folder / name}.csv row {line}, column {column}: {text}")
         found[number] = line
     return list(found)

@@ -119,9 +119,7 @@ def _unique(table: str, column: str, keys: Sequence[Hashable]) -> None:
     seen: dict[Hashable, int] = {}
     for i, key in enumerate(keys):
         if key in seen:
-            what = "names" if isinstance(key, str) else "numbers"
-            text = f"{column} {key} appears twice ({{rows}}); {column} {what} must be unique."
-            raise RowError(table, i, column, text, seen[key])
+            raise RowError(table, i, column, f"{column} {key} appears twice ({{rows}}); give each its own.", seen[key])
         seen[key] = i
 
 

@@ -13,7 +13,7 @@ from stabctl.design.tuning.networks import networks
 from stabctl.design.tuning.parts import Asked, Parts
 from stabctl.design.tuning.problem import LOWER, WEIGHT, Peak, frequencies, spare, summits
 from stabctl.design.tuning.robustness import shorter
-from stabctl.design.tuning.search import Search
+from stabctl.design.tuning.search import Search, bent
 from stabctl.smallsignal.closed_loop import closed_loop
 
 STORAGE = "3@11=50MW"
@@ -331,6 +331,19 @@ def test_once_the_damping_is_reached_the_gains_are_lowered(cases, tuned):
         return max((K["value"] / K["high"]).max(), *(own / most for _, most, own in found.gains))
 
     assert largest(few) < 0.7 * largest(tuned)
+
+
+def test_curvature_follows_the_gradient_and_stays_positive():
+    """The secant condition where the gradient rises along the step; otherwise a fifth of the curvature remains."""
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        root, d, y = rng.normal(size=(3, 3)), rng.normal(size=3), rng.normal(size=3)
+        H = root @ root.T + np.eye(3)
+        new, before = bent(H, d, y), d @ H @ d
+        assert np.linalg.eigvalsh(new).min() > 0
+        assert d @ new @ d == pytest.approx(max(y @ d, 0.2 * before))
+        if y @ d >= 0.2 * before:
+            assert new @ d == pytest.approx(y)
 
 
 @pytest.mark.slow

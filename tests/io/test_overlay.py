@@ -39,8 +39,7 @@ def test_a_row_given_twice(overlay, table):
     column = table[:-1] if table == "machines" else "bus"
     (overlay / f"{table}.csv").write_text(f"{column}\n2\n\n1\n2\n")
     assert complaint(overlay) == (
-        f"{overlay}/{table}.csv row 5, column {column}: {column} 2 appears twice (rows 2 and 5); "
-        f"{column} numbers must be unique."
+        f"{overlay}/{table}.csv row 5, column {column}: {column} 2 appears twice (rows 2 and 5); give each its own."
     )
 
 

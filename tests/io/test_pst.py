@@ -184,7 +184,9 @@ def test_one_limit_of_a_stabilizer_may_be_0_and_without_any_there_is_none(writte
 
 def test_the_disturbance_of_a_file_is_said_as_options():
     (said,) = (note for note in st.load(FILES["data3m9b"]).notes if "sw_con" in note)
-    options, later = said.split("sw_con is ")[1].split("; ")
+    place, options = said.split(": sw_con is ")
+    assert place == f"{FILES['data3m9b']} line 123"
+    options, later = options.split("; ")
     assert options == "--fault 4 --trip 4-5 --at 0.1s --clear 0.05s"
     assert later == "its far end opens 0.05 s later, here with the near end."
 

@@ -13,8 +13,8 @@ MISTAKES = [
     ("machines", 2, "bus", "77", "there is no bus 77 in buses.csv"),
     ("machines", 2, "storage_bus", "77", "there is no bus 77 in buses.csv"),
     ("loads", 3, "bus", "77", "there is no bus 77 in buses.csv"),
-    ("machines", 4, "machine", "1", "machine 1 appears twice (rows 2 and 4); machine numbers must be unique"),
-    ("buses", 5, "bus", "1", "bus 1 appears twice (rows 2 and 5); bus numbers must be unique"),
+    ("machines", 4, "machine", "1", "machine 1 appears twice (rows 2 and 4); give each its own"),
+    ("buses", 5, "bus", "1", "bus 1 appears twice (rows 2 and 5); give each its own"),
     ("genrou", 5, "machine", "1", "machine 1 appears twice (rows 2 and 5); it can have only one row in this table"),
     ("sexs", 3, "machine", "9", "there is no machine 9 in machines.csv"),
     ("branches", 2, "x_pu", "0", "branch 1-5 has no impedance; r or x must be at least 1e-09 pu in size"),
@@ -59,10 +59,19 @@ def test_a_link_given_twice(folder):
     head = ["link", "from_bus", "to_bus", "p_mw"]
     put(folder / "links.csv", [head, ["east", "7", "9", "10"], ["west", "7", "9", "10"], ["east", "9", "7", "5"]])
     assert complaint(folder) == (
-        f"{folder}/links.csv row 4, column link: link east appears twice (rows 2 and 4); link names must be unique."
+        f"{folder}/links.csv row 4, column link: link east appears twice (rows 2 and 4); give each its own."
     )
     put(folder / "links.csv", [head, ["east", "7", "9", "10"], ["west", "7", "9", "10"]])  # two between the same buses
     assert [k.link for k in io.load(folder).links] == ["east", "west"]
+
+
+def test_a_name_given_to_two_machines(folder):
+    head, *rows = cells(folder / "machines.csv")
+    names = "north", "east", "south", "north"
+    put(folder / "machines.csv", [[*head, "name"], *([*r, name] for r, name in zip(rows, names, strict=True))])
+    assert complaint(folder) == (
+        f"{folder}/machines.csv row 5, column name: name north appears twice (rows 2 and 5); give each its own."
+    )
 
 
 def test_shares_of_a_load_that_sum_to_more_than_one(folder):

@@ -6,6 +6,7 @@ from stabctl._util.errors import StudyError
 from stabctl.clearing import ClearingTime, Lines, Screen, Search
 from stabctl.controllers import Controller, Gate
 from stabctl.placement.contingencies import clearing_s, contingencies, from_screen, packaged, without_fault
+from stabctl.placement.place import BY_SCREEN
 from stabctl.simulation.contingency import Contingency
 
 GOOD = '[[contingency]]\nfault = "16"\ntrip = "16-21"\nclear = "6cyc"\n'
@@ -191,3 +192,4 @@ def test_a_screen_gives_the_worst_contingency_of_every_machine():
     assert from_screen(found, 50.0, count=1) == worst[:1]
     assert from_screen(found, 50.0, longer=2.0)[0].clear == 2 * 3 / 50
     assert from_screen(_screen(), 60.0) == ()
+    assert "by default: 20 % longer than the critical ones" in BY_SCREEN

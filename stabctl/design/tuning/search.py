@@ -190,13 +190,7 @@ class Search:
         if not self.H.any():
             self.H = np.eye(len(d)) * min(float(y @ y) / curvature, STEEPEST) if curvature > 0 else self.H
             return
-        Hd = self.H @ d
-        dHd = float(d @ Hd)
-        if curvature < 0.2 * dHd:
-            share = 0.8 * dHd / (dHd - curvature)
-            y = share * y + (1 - share) * Hd
-            curvature = float(y @ d)
-        self.H = self.H - np.outer(Hd, Hd) / dHd + np.outer(y, y) / curvature
+        self.H = bent(self.H, d, y)
 
     def promise(self) -> float:
         """Rise of the best merit that a linear program still promises within 1 % of every parameter."""
@@ -209,6 +203,17 @@ class Search:
         value = np.array(rows.value) + slope @ d
         level = min(float(value[~hard].min()), self.problem.goal)
         return Merit(level, float(value[hard].min(initial=0.0))).value - merit.value
+
+
+def bent(H: np.ndarray, d: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The curvature H after a step d that changed the gradient by y: damped, d H d falls to a fifth at most."""
+    Hd, curvature = H @ d, float(y @ d)
+    dHd = float(d @ Hd)
+    if curvature < 0.2 * dHd:
+        share = 0.8 * dHd / (dHd - curvature)
+        y = share * y + (1 - share) * Hd
+        curvature = float(y @ d)
+    return H - np.outer(Hd, Hd) / dHd + np.outer(y, y) / curvature
 
 
 def quadratic_program(P: np.ndarray, q: np.ndarray, A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
