@@ -93,7 +93,7 @@ def test_a_margin_is_to_the_own_clearing_time(points):
     ]
     assert list(study.df["required_cycles"]) == pytest.approx([10.0, 6.0])
     assert [run.outcome.stable for run in study.worst] == [False, True]
-    assert "with every clearing time up to 6 cycles, or their own" in str(study)
+    assert "with a clearing time of at most 6 cycles, or their own" in str(study)
 
 
 @pytest.mark.parametrize("after", ["8@0s", ["8@0s", "16-17@3cyc"]])
