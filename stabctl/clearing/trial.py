@@ -158,7 +158,7 @@ class Run(NamedTuple):
     observed_s: float = 0.0  # s   simulated after the last event
     stalled: tuple[int, ...] = ()  # buses whose motor loads have stalled at the end
     bus: int | None = None  # whose voltage collapsed
-    violated: "Violation | None" = None  # the first of the criteria, in a run without instability
+    violated: "Violation | None" = None  # the first of the criteria, its instant from the fault on; not if unstable
     undecided: str = ""  # what of the criteria it was too short for
 
 
@@ -266,6 +266,7 @@ class Trial:
         if found is None:
             return ran, None, ""
         first = min(found.violations, key=lambda one: one.from_s, default=None) if ran.outcome.stable else None
+        first = first and first._replace(from_s=first.from_s - self.at)
         return ran, first, "".join(found.undecided[:1])
 
     def guess(self) -> int:

@@ -5,6 +5,7 @@ A value at its limit is allowed, and so is a time at its limit. Between two reco
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -130,7 +131,7 @@ def judge(run: Trajectory, by: "Criteria | str | Path") -> Judged:
 
 
 class _Seen:
-    """A run as the rules see it: instants, which rows hold their values until an event, fault and clearing."""
+    """A run as the rules see it: instants, which rows hold their values until an event, faults and clearing."""
 
     def __init__(self, run: Trajectory) -> None:
         self.run, self.time, self.hz = run, run.time, run.point.case.frequency_hz
@@ -138,9 +139,11 @@ class _Seen:
         rows = np.searchsorted(self.time, [c.at - 1e-9 for c in changes])
         self.held = np.zeros(len(self.time), bool)
         self.held[[row - 1 for row in rows if 0 < row < len(self.time)]] = True
-        faulted = [c.at for c in changes if c.switching.faulted]
-        self.fault = faulted[0] if faulted else (changes[0].at if changes else 0.0)
-        self.cleared = min(run.happened.cleared_s, self.time[-1]) if faulted else self.fault
+        periods = [(next(g).at, on) for on, g in groupby(changes, key=lambda change: bool(change.switching.faulted))]
+        ends = [*(min(at, self.time[-1]) for at, _ in periods[1:]), self.time[-1]]
+        faults = [(at, end) for (at, on), end in zip(periods, ends, strict=False) if on]
+        self.faults = faults or [(changes[0].at,) * 2 if changes else (0.0, 0.0)]  # s   each until it is cleared
+        self.cleared = self.faults[-1][1]
 
     def of(self, rule: Any) -> "Iterator[Violation | str]":
         """Violations of a rule, and what the run is too short for."""
@@ -185,21 +188,19 @@ class _Seen:
         )
 
     def _recovered(self, rule: Voltage, place: "Place") -> "Iterator[Violation | str]":
-        """Whether a level is reached within a time from the fault."""
+        """Whether a level is reached within a time from each fault."""
         allowed, end = seconds(rule.recover or "0s", self.hz), self.time[-1]
-        low = [
-            (a, b)
-            for a, b in spells(self.time, place.excess, place.held)
-            if b > self.cleared + SLACK and a <= self.cleared + SLACK
-        ]
-        until = low[0][1] if low else self.cleared
+        below = spells(self.time, place.excess, place.held)
         limit = f"it must recover within {rule.recover} of the fault, {place.told}"
-        if until - self.fault > allowed + SLACK:
-            late = self.fault + allowed
-            later = [np.interp(late, self.time, place.values), *place.values[self.time >= late]]
-            yield Violation(rule.name, place.name, late, float(np.nanmin(later)), place.unit, limit)
-        elif low and until >= end - SLACK:
-            yield f"{rule.name}: {place.name} has not recovered when the run ends at {end:.3f} s; simulate longer."
+        for fault, cleared in self.faults:
+            until = next((b for a, b in below if a <= cleared + SLACK < b), cleared)
+            if until - fault > allowed + SLACK:
+                late = fault + allowed
+                later = [np.interp(late, self.time, place.values), *place.values[self.time >= late]]
+                yield Violation(rule.name, place.name, late, float(np.nanmin(later)), place.unit, limit)
+                return
+            if cleared < until >= end - SLACK:
+                yield f"{rule.name}: {place.name} has not recovered when the run ends at {end:.3f} s; simulate longer."
 
     def _frequency(self, rule: Frequency) -> "Iterator[Violation | str]":
         speeds = self.run.values("speed") * self.hz
@@ -221,9 +222,8 @@ class _Seen:
                 continue
             before, total = (total, total + b - a) if rule.total else (0.0, b - a)
             if total > allowed + SLACK:
-                inside = (self.time >= a - SLACK) & (self.time <= b + SLACK)
-                beyond = place.sign * place.values[inside]
-                value = place.sign * float(np.nanmin(beyond)) if inside.any() else place.level
+                beyond = place.values[(self.time >= start - SLACK) & (place.excess > 0)]
+                value = place.sign * float(np.min(place.sign * beyond, initial=place.sign * place.level))
                 yield Violation(rule.name, place.name, a + allowed - before, value, place.unit, limit)
                 return
             if b >= end - SLACK and allowed > 0:
@@ -231,14 +231,17 @@ class _Seen:
 
     def _angle(self, rule: Angle) -> "Iterator[Violation | str]":
         angle, island, names = self.run.angle_from_coi_deg, self.run.rotor_island, self.run.point.rotor_names
-        most = float(np.rad2deg(radians(rule.separation)))
+        most, told = float(np.rad2deg(radians(rule.separation))), set[tuple[int, int]]()
         for one in np.unique(island[island >= 0]):
             high, low = (np.where(island == one, angle, beyond) for beyond in (-np.inf, np.inf))
             if (beyond := np.flatnonzero(high.max(axis=1) - low.min(axis=1) > most)).size:
                 i, j = int(high[beyond[0]].argmax()), int(low[beyond[0]].argmin())
+                if (i, j) in told:  # in an island that was another before
+                    continue
+                told.add((i, j))
                 together = (island[:, i] == island[:, j]) & (island[:, i] >= 0)
                 apart = np.where(together, angle[:, i] - angle[:, j], np.nan)
-                since = spells(self.time, apart - most)[0][0]
+                since = next((a for a, _ in spells(self.time, apart - most)), float(self.time[beyond[0]]))
                 where, limit = f"machines {names[i]} and {names[j]}", f"not more than {most:g} degrees apart"
                 yield Violation(rule.name, where, since, float(np.nanmax(apart)), "degrees", limit)
 

@@ -9,13 +9,14 @@ import numpy as np
 
 from stabctl.clearing import Search, Trial
 from stabctl.clearing.critical_time import last_stable
+from stabctl.clearing.trial import observed
 from stabctl.jobs import Found, Kind, Task
 from stabctl.jobs.task import Base, sha256, text
 from stabctl.simulation.attached import attached, resized
-from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.contingency import Contingency, Disturbance
 from stabctl.simulation.control import Control, acting
 from stabctl.simulation.recording import Recorded
-from stabctl.simulation.simulation import run
+from stabctl.simulation.setup import setup
 from stabctl.simulation.swings import Swings
 from stabctl.simulation.trajectory import Trajectory
 
@@ -88,15 +89,18 @@ def task(one: Simulated, shared: Shared, identified: bool) -> Task:
     return Task(key, one, shared, FLEET)
 
 
-def simulate(one: Simulated, shared: Shared, record: Recorded) -> Trajectory:
-    """The simulation of a scenario with a fleet."""
+def simulate(one: Simulated, shared: Shared, record: Recorded) -> tuple[Trajectory, bool]:
+    """The simulation of a scenario with a fleet, and whether it is stable and keeps the criteria."""
     if one.contingency.fault is not None:
-        return trial(one, shared).simulate(1, record)
-    search, point = one.search, resized(shared.base.point, one.ratings)
-    events, last = without_fault(one.contingency, point.case, shared.control)
-    until, longest = last + search.observed_s, last + search.longest_s
-    how: dict[str, Any] = {"step": search.step, "criterion": search.criterion, "record": record}
-    return run(point, events, until, shared.control, longest=longest, **how)
+        asked = trial(one, shared)
+        system, last = asked.setup, asked.last_event(1)
+        events: Disturbance = asked.events(1)
+    else:
+        point, how = resized(shared.base.point, one.ratings), one.search
+        system = setup(point, shared.control, step=how.step, criterion=how.criterion)
+        events, last = without_fault(one.contingency, point.case, shared.control)
+    ran, judged = observed(system, events, last, one.search, True if one.search.criteria else record)
+    return ran, judged.kept if judged else ran.outcome.stable
 
 
 def trial(one: Simulated, shared: Shared, grid: float | None = None) -> Trial:
@@ -115,14 +119,8 @@ def answer(task: Task) -> Found:
     if one.what == "critical time" and target is not None:
         return _critical_time(one, shared, target)
     asked = VALUES.get(one.what, VALUES["outcome"])  # without a fault there is no critical time
-    rules = one.search.criteria
-    ran = simulate(one, shared, record=True if rules else asked.record)
-    values, kept = asked.of(ran), ran.outcome.stable
-    if rules:
-        from stabctl.judgment import judge
-
-        kept = judge(ran, rules).kept
-    return _found(kept, ran.outcome.machine, 1, ran.outcome.swings, values=json.dumps(values.tolist()))
+    ran, kept = simulate(one, shared, asked.record)
+    return _found(kept, ran.outcome.machine, 1, ran.outcome.swings, values=json.dumps(asked.of(ran).tolist()))
 
 
 def _peaks(ran: Trajectory) -> np.ndarray:

@@ -27,6 +27,7 @@ from stabctl.model import fleet, powerflow
 from stabctl.model.tables import Storage
 from stabctl.simulation.control import Control, Sampled, acting, with_law
 from stabctl.simulation.criterion import DEFAULT, Criterion
+from stabctl.simulation.swings import SPAN
 
 from . import _cutting_planes, _initial_fleets, evidence
 from ._cutting_planes import CuttingPlanes, Master
@@ -158,6 +159,11 @@ def place(
         case, resolution="0.125cyc", limit=LIMIT, observe=observe, step=step, criterion=criterion, longest=longest,
         keeping=criteria,
     )  # fmt: skip
+    decaying = any(getattr(rule, "must", "") == "decay" for rule in (search.criteria.rules if search.criteria else ()))
+    if decaying and max(search.observed_s, search.longest_s) < SPAN:
+        raise StudyError(
+            f"Swings that must decay are judged {SPAN:g} s after the last event; observe that long at least."
+        )
     wanted = as_contingencies(case, contingencies)
     flow = powerflow.solve(case)
     possible = as_sites(operating_point.solve(case, flow), candidates, cap, costs, flow)

@@ -275,7 +275,7 @@ class Trials:
     def simulate(self, mw: np.ndarray, k: int) -> Trajectory:
         """The recorded simulation of scenario k with this fleet (candidates, MW, also above the caps)."""
         self._count(1)
-        return simulate(self._question("outcome", mw, k), self._shared(k), record=True)
+        return simulate(self._question("outcome", mw, k), self._shared(k), record=True)[0]
 
     def disturbed(self, k: int) -> float:
         """Instant (s) in `simulate` of the clearing of the fault, or of the last event without one."""

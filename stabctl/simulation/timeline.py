@@ -139,7 +139,4 @@ class _State:
             raise StudyError(f"Circuit {name} does not end at bus {end}; it ends at {k.from_bus} and {k.to_bus}.")
         from_closed = before.from_closed and end not in ("both", k.from_bus)
         to_closed = before.to_closed and end not in ("both", k.to_bus)
-        if (from_closed, to_closed) == (before.from_closed, before.to_closed):
-            what = f"Circuit {name} is" if end == "both" else f"The end of circuit {name} at bus {end} is"
-            raise StudyError(f"{what} opened twice; remove one opening.")
         self.branches[row] = before._replace(from_closed=from_closed, to_closed=to_closed)

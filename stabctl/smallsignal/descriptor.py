@@ -90,7 +90,7 @@ def descriptor(
 ) -> Descriptor:
     """Sparse descriptor matrices of an operating point, exact (complex step on the simulated equations).
 
-    States that are constant and appear in no equation (bypassed blocks), or that equal limits hold, are left out. So is
+    States that are constant and appear in no equation (bypassed blocks), or that limits hold, are left out. So is
     the energy of a storage device that no output reads: the integral of its power, in no other equation.
 
     Parameters

@@ -9,7 +9,10 @@ import pytest
 
 import stabctl as st
 from stabctl._util.errors import StudyError
+from stabctl.clearing import Search
 from stabctl.clearing.screen import as_plain, from_plain
+from stabctl.jobs.task import Base
+from stabctl.placement._simulated import Shared, Simulated, answer, task
 
 HZ = 60.0
 
@@ -193,3 +196,28 @@ def test_swings_that_must_decay_bound_a_clearing_time(tmp_path):
     assert undamped.cycles == 0
     assert undamped.limit == "damping: machine 4"
     assert damped.cycles > 3
+
+
+def test_the_instant_of_a_violation_counts_from_the_fault(base, tmp_path):
+    """As the ends of runs do, wherever the search puts the fault: at 1 s where a gate opens at a given instant."""
+    rules = criteria(tmp_path, '[[voltage]]\nname = "v"\nbelow = 0.5\nlongest = "0.05s"\n')
+    late = st.Controller("speed", "vs", [], [], [], [[0.0] * 4] * 4, gate=st.Gate(start=30.0))
+    how = {"criteria": rules, "resolution": "1cyc", "limit": "8cyc", "scan": 0}
+    told = [base.clearing_time("7", control=c, **how).runs[-1].violated for c in (None, late)]
+    assert told[0].from_s == pytest.approx(0.05)
+    assert told[1].from_s == pytest.approx(0.05)
+
+
+def test_a_fleet_and_its_critical_time_are_judged_alike(tmp_path):
+    """Swings that must decay are judged 5 s after clearing: later runs, where they may last, or a refusal."""
+    rules = criteria(tmp_path, '[[swings]]\nname = "damping"\nmust = "decay"\n')
+    point = st.load("two_area").classical().initialize(storage="1MW")
+    search = Search(observed_s=3.0, longest_s=20.0, limit_cycles=10, criteria=rules)
+    ratings = tuple(s.rating for s in point.case.storage)
+    asked = [
+        Simulated(what, st.Contingency("7", clear="5cyc"), ratings, search, "") for what in ("outcome", "critical time")
+    ]
+    found = [answer(task(one, Shared(Base(point), st.BangBang()), False)) for one in asked]
+    assert [one.values["stable"] for one in found] == [0, 0]
+    with pytest.raises(StudyError, match="judged 5 s after the last event; observe that long at least"):
+        st.place(point.case, [st.Contingency("7", clear="5cyc")], criteria=rules, observe="3s")

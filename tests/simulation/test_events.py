@@ -224,8 +224,6 @@ class TestImpossibleEvents:
             ([Open("7", 1.0)], "'7' is not a circuit; write 7-8"),
             ([Open("7-8@0.5", 1.0)], "'7-8@0.5' is not a circuit; "),
             ([Open("7-8", 1.0, end=9)], "Circuit 7-8 does not end at bus 9; it ends at 7 and 8."),
-            ([Open("7-8", 1.0), Open("8-7", 1.5)], "Circuit 8-7 is opened twice; remove one opening."),
-            ([Open("7-8", 1.0), Open("7-8", 1.5, end=7)], "The end of circuit 7-8 at bus 7 is opened twice; "),
             ([TripMachine(9, 1.0)], "There is no machine 9 in two_area; its machines are 1, 2, 3, 4."),
             ([TripMachine(1, 1.0), TripMachine(1, 1.5)], "Machine 1 is tripped twice; remove one trip."),
             ([LoadStep(99, 1.0, 5.0)], "There is no bus 99 in two_area; the nearest numbers are "),

@@ -15,7 +15,7 @@ from .search import Search
 ROUNDS = (1.0, 8), (0.6, 10), (0.2, 12), (0.0, 12)  # share of the starts, at least one, and steps
 LOWERING = 40  # steps, in which the gains are lowered; once more if limits are missed then
 LOWERED = len(ROUNDS)  # number of the first round in which they are
-FORMAT = 2
+FORMAT = 3
 
 
 class Round(NamedTuple):
