@@ -158,7 +158,7 @@ def place(
         case, resolution="0.125cyc", limit=LIMIT, observe=observe, step=step, criterion=criterion, longest=longest,
         keeping=criteria,
     )  # fmt: skip
-    wanted = as_contingencies(case, contingencies)
+    wanted = as_contingencies(case, contingencies, acts)
     flow = powerflow.solve(case)
     possible = as_sites(operating_point.solve(case, flow), candidates, cap, costs, flow)
     most = possible.cap
