@@ -166,7 +166,7 @@ class Run(NamedTuple):
 class Trial:
     """A contingency at an operating point under a control law; its own clearing time is ignored.
 
-    The fault begins at 0, under a sampled controller after `quiet` s, and where the control has instants of its own
+    The fault begins at 0, under a sampled controller after `QUIET` s, and where the control has instants of its own
     (`Acting.timed`) at that of the contingency; other events keep their time from the fault.
     Raises `StudyError` without a fault or a rotor, and at the first run for what the case does not have.
     """
@@ -175,7 +175,6 @@ class Trial:
     contingency: Contingency
     control: Control = None
     search: Search = field(default_factory=Search)
-    quiet: float = QUIET  # s
 
     def __post_init__(self) -> None:
         if self.contingency.fault is None:
@@ -211,7 +210,7 @@ class Trial:
         if parts.timed:
             return self.contingency.starts(self.point.case)
         before = -min((e.at for e in self.others), default=0.0)
-        return max(before, 0.0) + (self.quiet if parts.pilots else 0.0)
+        return max(before, 0.0) + (QUIET if parts.pilots else 0.0)
 
     def duration(self, k: int) -> float:
         """Duration (s) of the fault at the grid's point k."""

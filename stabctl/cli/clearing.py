@@ -1,6 +1,7 @@
 """stabctl clearing-time and screen: how long a fault may last, and the most critical line faults."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,6 +23,7 @@ def clearing_time(
     *,
     fault: options.Fault,
     trip: options.TripAtClearing = None,
+    at: options.At = "1s",
     opened: Open = None,
     tripped: TripMachine = None,
     stepped: LoadStep = None,
@@ -40,20 +42,26 @@ def clearing_time(
     as_json: options.Json = False,
 ) -> None:
     """Find the critical clearing time of a fault."""
+    from stabctl._util.errors import StudyError
+    from stabctl._util.units import seconds
     from stabctl.clearing import clearing_time
     from stabctl.simulation.contingency import Contingency
+    from stabctl.simulation.control import acting
 
     shared.folder(report)
     criteria = shared.criteria(by)
     loaded = case.load()
-    events = shared.events(loaded, opened, tripped, stepped)
+    begins = seconds(at, loaded.frequency_hz)
+    events = [replace(one, at=one.at + begins) for one in shared.events(loaded, opened, tripped, stepped)]
     through = shared.impedance(fault_impedance)
     point = storage.initialize(loaded)
     steering = pmu.steering(*law.chosen(bool(point.case.storage), control, shared.controllers(controller)), estimator)
+    if at != "1s" and not acting(steering).timed:
+        raise StudyError("--at needs a control with instants of its own, such as a gate with a start; leave it out.")
     with shared.progress("searching", None) as tell:
         found = clearing_time(
             point,
-            Contingency(fault, trip=trip or (), at=0.0, impedance=through, events=events),
+            Contingency(fault, trip=trip or (), at=at, impedance=through, events=events),
             control=steering,
             **search._asdict(),
             criterion=stability.criterion(loaded),

@@ -1,5 +1,6 @@
 """Base class of the control laws of storage devices, and sampled laws."""
 
+import inspect
 import sys
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
@@ -55,6 +56,12 @@ class Law(ABC):
     def device(self) -> Device:
         """Its equations, which are in the file of its class or of the class that this extends."""
         return _device(type(self))
+
+    @property
+    def timed(self) -> bool:
+        """Whether its orders depend on the instant: whether compiled code of its file mentions the time."""
+        functions = (f for f in vars(self.device.module).values() if inspect.isfunction(f) and "inlined" in vars(f))
+        return any("time" in (*f.__code__.co_names, *f.__code__.co_varnames) for f in functions)
 
     @abstractmethod
     def par(self, device: StorageDevice) -> Any:
@@ -130,6 +137,11 @@ class SampledLaw(Law):
     def device(self) -> Device:
         """The equations of the law."""
         return self.law.device
+
+    @property
+    def timed(self) -> bool:
+        """Whether the orders of the law depend on the instant."""
+        return self.law.timed
 
     @property
     def groups(self) -> tuple[tuple[int, ...], ...]:  # type: ignore[override]

@@ -118,6 +118,7 @@ class StorageLaw(Law):
     timeout: Annotated[float, "s", "time for which it stays armed", POSITIVE] = 5.0
     return_time: Annotated[float, "s", "time constant of the return of energy", NOT_NEGATIVE] = 0.0
     return_power: Annotated[float, "-", "largest share of the rating for the return", SHARE] = 0.1
+    timed = False  # it measures how long it has been armed
 
     def __post_init__(self) -> None:
         guard(self)

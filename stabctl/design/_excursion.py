@@ -135,9 +135,11 @@ class Scheduled:
         return Schedule(plan.orders, rate=plan.rate, start=start, min_voltage=self.law.min_voltage, law=self.law)
 
     def under(self, plan: Plan) -> Trial:
-        """The contingency under a plan."""
-        quiet = self._cleared(plan) / plan.rate - self.trial.duration(plan.k) - self._earliest
-        return replace(self.trial, control=self.schedule(plan), quiet=max(quiet, 0.0))
+        """The contingency under a plan, at the instant for which the plan is made."""
+        at = max(self._cleared(plan) / plan.rate - self.trial.duration(plan.k), self._earliest)
+        events = tuple(replace(e, at=e.at + at) for e in self.trial.others)
+        contingency = replace(self.trial.contingency, at=at, events=events)
+        return replace(self.trial, contingency=contingency, control=self.schedule(plan))
 
     @property
     def _earliest(self) -> float:

@@ -247,7 +247,8 @@ class Estimates(Tabular):
     @property
     def notes(self) -> tuple[str, ...]:
         """What a reader of the numbers must know, a sentence each: bad PMUs, and a run without any usable speed."""
-        none = "No speed was usable in the whole run, so that all storage idled; give more PMUs, or better ones."
+        idle = ", so that all storage idled" if self.point.case.storage and self.control.law else ""
+        none = f"No speed was usable in the whole run{idle}; give more PMUs, or better ones."
         return *map(str, self.alarms), *(() if self.usable.any() else (none,))
 
     @property

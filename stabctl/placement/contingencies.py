@@ -24,7 +24,7 @@ Contingencies = Iterable[Contingency] | Contingency | Screen | str | Path
 COUNT, LONGER = 8, 1.2
 
 
-def contingencies(case: Case, given: Contingencies) -> tuple[Contingency, ...]:
+def contingencies(case: Case, given: Contingencies, control: Control = None) -> tuple[Contingency, ...]:
     """The contingencies to be survived, checked against the case and without duplicates.
 
     Parameters
@@ -33,6 +33,8 @@ def contingencies(case: Case, given: Contingencies) -> tuple[Contingency, ...]:
         The system.
     given : Contingency, iterable of Contingency, Screen, str or Path
         A list, a screen (its most critical contingencies are taken), or a file.
+    control : control law, Controller, sequence of them, or None
+        What acts; under some, contingencies at other instants are others.
 
     Raises
     ------
@@ -40,14 +42,14 @@ def contingencies(case: Case, given: Contingencies) -> tuple[Contingency, ...]:
         If it is none of these, or a contingency is not possible in the case or listed twice.
     """
     if isinstance(given, Screen):
-        return checked(case, from_screen(given, case.frequency_hz))
-    if isinstance(given, str | Path):
-        return checked(case, read_contingencies(given, case))
-    if isinstance(given, Contingency):
-        return checked(case, (given,))
-    if not isinstance(given, Iterable):
+        given = from_screen(given, case.frequency_hz)
+    elif isinstance(given, str | Path):
+        given = read_contingencies(given, case)
+    elif isinstance(given, Contingency):
+        given = (given,)
+    elif not isinstance(given, Iterable):
         raise StudyError(f"{given!r} is not a list of contingencies; give [Contingency('16', clear='6cyc'), ...].")
-    return checked(case, given)
+    return checked(case, given, acting(control).timed)
 
 
 def from_screen(found: Screen, hz: float, *, count: int = COUNT, longer: float = LONGER) -> tuple[Contingency, ...]:

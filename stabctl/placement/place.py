@@ -164,7 +164,7 @@ def place(
         raise StudyError(
             f"Swings that must decay are judged {SPAN:g} s after the last event; observe that long at least."
         )
-    wanted = as_contingencies(case, contingencies)
+    wanted = as_contingencies(case, contingencies, acts)
     flow = powerflow.solve(case)
     possible = as_sites(operating_point.solve(case, flow), candidates, cap, costs, flow)
     most = possible.cap

@@ -36,6 +36,11 @@ class Sampled(Protocol):
         ...
 
     @property
+    def timed(self) -> bool:
+        """Whether it has instants of its own, other than those of its law and controllers."""
+        ...
+
+    @property
     def controllers(self) -> tuple[Controller, ...]:
         """Controllers whose inputs it sets."""
         ...
@@ -59,9 +64,10 @@ class Acting:
 
     @property
     def timed(self) -> bool:
-        """Whether instants matter: a gate opens or closes, PMUs fail, or a Python function is told the time."""
+        """Whether instants matter: a gate opens or closes, PMUs fail, or a law or Python function reads the time."""
         timed = (c.law or (c.gate and c.gate.timed) for c in (*self.controllers, *self.measured))
-        return any(timed) or any(getattr(pilot, "timed", False) for pilot in self.pilots)
+        laws = self.law, *(pilot.law for pilot in self.pilots)
+        return any(timed) or any(pilot.timed for pilot in self.pilots) or any(law.timed for law in laws if law)
 
 
 def acting(control: Any, storage: bool = True) -> Acting:

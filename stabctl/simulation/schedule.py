@@ -46,6 +46,7 @@ class Schedule:
     min_voltage: float = 0.8
     law: BangBang | None = None
     controllers: ClassVar[tuple[Controller, ...]] = ()
+    timed: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         orders = np.array(self.orders, float)

@@ -32,7 +32,7 @@ from stabctl.simulation.simulate import simulate
 from stabctl.simulation.trajectory import Trajectory
 
 JobKind = Literal["clearing-time", "simulate"]
-FORMAT = 9  # of keys and rows; raised when a job or a result changes its meaning
+FORMAT = 10  # of keys and rows; raised when a job or a result changes its meaning
 
 
 class Job(NamedTuple):
@@ -107,9 +107,9 @@ class Job(NamedTuple):
     @property
     def contingency(self) -> Contingency:
         """The contingency; a clearing time has its own duration of the fault."""
-        clear, at = (self.clear, self.at) if self.kind == "simulate" else (None, 0.0)
+        clear = self.clear if self.kind == "simulate" else None
         impedance = complex(self.fault_r, self.fault_x)
-        return Contingency(self.fault or None, clear or None, self.trip, at=at, impedance=impedance)
+        return Contingency(self.fault or None, clear or None, self.trip, at=self.at, impedance=impedance)
 
     @property
     def pmu(self) -> Pmu:

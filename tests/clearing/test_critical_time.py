@@ -14,6 +14,7 @@ from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
 from stabctl.model import fleet, powerflow
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.schedule import Schedule
 
 AT_7 = Contingency("7", trip="7-8")
 
@@ -64,8 +65,9 @@ def test_its_own_clearing_time_and_instant_are_ignored(two_area):
         Controller.from_function(
             lambda seen: 200 * seen["deviation"] * (seen.time < 1.2), "deviation", "order", rate=60
         ),
+        Schedule(np.tile([-1.0, -1.0, 1.0, 1.0], (60, 1)), rate=60, start=1.0),
     ],
-    ids=["outage of PMUs", "gate", "function"],
+    ids=["outage of PMUs", "gate", "function", "schedule"],
 )
 def test_instants_of_the_control_are_those_of_single_runs(stored, control):
     found = clearing_time(stored, AT_7, control=control, resolution="0.5cyc", scan=0)

@@ -4,8 +4,10 @@ import csv
 import json
 from typing import get_args
 
+import numpy as np
 import pytest
 
+from stabctl.controllers import Controller, Gate
 from stabctl.io import load, write
 
 
@@ -127,6 +129,18 @@ def test_clearing_time_json(stabctl):
     assert record["wall_s"] > 0
     limited = json.loads(stabctl("clearing-time", *words, "--limit", "6cyc", "--json")[1])
     assert (limited["cycles"], limited["status"]) == (None, "stable_at_limit")
+
+
+@pytest.mark.parametrize("at", ["1s", "66cyc"])
+def test_a_clearing_time_beside_a_gate_is_that_of_single_runs(stabctl, tmp_path, at):
+    gate = Gate(start=1.02, end=1.4)
+    Controller("deviation", "order", [], [], [], 200 * np.eye(4), gate=gate).save(tmp_path / "gated.toml")
+    words = "--fault", "7", "--at", at, "--storage", "50MW", "--controller", tmp_path / "gated.toml"
+    search = "--resolution", "1cyc", "--scan", "0cyc", "--longest", "0s"
+    found = json.loads(stabctl("clearing-time", "two_area", *words, *search, "--json")[1])
+    longest = round(found["cycles"])
+    runs = [outcome(stabctl, *words, "--until", "6.1s", "--clear", f"{k}cyc") for k in (longest, longest + 1)]
+    assert [run["outcome"] for run in runs] == ["stable", "lost_synchronism"]
 
 
 def outcome(stabctl, *words):

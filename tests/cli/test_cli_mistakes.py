@@ -72,6 +72,7 @@ def complaint(result):
         (("simulate", "two_area", "--out", "nowhere/run.csv"), "nowhere"),
         (("simulate", "two_area", "--fault-impedance", "1"), "R,X"),
         (("clearing-time", "two_area"), "--fault"),
+        (("clearing-time", "two_area", "--fault", "7", "--at", "2s"), "--at needs a control"),
         (("clearing-time", "two_area", "--fault", "7", "--resolution", "0cyc"), "resolution"),
         (("clearing-time", "two_area", "--fault", "7", "--observe", "0"), "observation"),
         (("clearing-time", "two_area", "--fault", "7", "--trip", "7"), "circuit"),

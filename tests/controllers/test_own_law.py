@@ -8,6 +8,7 @@ from systems import OWN, registered
 import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.controllers.law import Law
+from stabctl.simulation.control import acting
 
 FAULT = st.Contingency("7-8@0.4", clear="6cyc")
 GOOD = """
@@ -70,6 +71,24 @@ def test_an_extended_law_has_the_equations_of_the_law_that_it_extends(base, law)
     a, b = (base.simulate(FAULT, until=2, control=c) for c in (one, Same()))
     assert (a.arrays.speed == b.arrays.speed).all()
     assert Same().device is one.device
+
+
+@pytest.mark.parametrize(
+    "as_given", [lambda law: law, lambda law: law.sampled(60), lambda law: st.EstimatorControl(law, "ideal")]
+)
+def test_under_a_law_that_reads_the_time_a_clearing_time_is_that_of_single_runs(base, law, as_given):
+    """Its relay acts only until 1.02 s; with the fault at 0 it would act all the time."""
+    control = as_given(law("p.gain * u.deviation", "np.sign(u.deviation) if u.time < 1.02 else 0.0"))
+    found = base.clearing_time(FAULT, control=control, resolution="1cyc", scan=0, longest=0)
+    longest = round(found.cycles)
+    runs = [base.simulate(FAULT.with_clear(k / 60), "6s", control=control) for k in (longest, longest + 1)]
+    assert [run.outcome.stable for run in runs] == [True, False]
+
+
+def test_only_laws_that_depend_on_the_instant_are_timed(law):
+    """The storage law measures how long it has been armed; what it gives does not depend on the instant."""
+    packaged = st.BangBang(), st.Feedback(10.0), st.StorageLaw(arm_at="0.2Hz")
+    assert not any(acting(one).timed for one in (None, law(), *packaged, st.StorageLaw().sampled(60)))
 
 
 def test_a_law_without_equations_is_refused(base):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from stabctl._util.errors import StudyError
+from stabctl.dynamics.operating_point import initialize
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
@@ -92,12 +93,13 @@ def test_times_in_the_wrong_order_are_a_sentence(blank):
 
 def test_a_run_without_any_usable_speed_says_so(study):
     """Machines 1 and 2 are more than 30 % of the inertia, and cannot both be computed."""
-    point = study("two_area")[0]
-    found = estimate(point, None, 0.2, pmu=Pmu(missing=(1, 2)))
+    point, few = study("two_area")[0], Pmu(missing=(1, 2))
+    found = estimate(point, None, 0.2, pmu=few)
     assert not found.usable.any()
-    assert str(found).endswith(
-        "No speed was usable in the whole run, so that all storage idled; give more PMUs, or better ones."
-    )
+    more = "; give more PMUs, or better ones."
+    assert str(found).endswith(f"No speed was usable in the whole run, so that all storage idled{more}")
+    alone = initialize(point.case.with_storage("none"))
+    assert str(estimate(alone, None, 0.2, pmu=few)).endswith(f"No speed was usable in the whole run{more}")
     assert "usable" not in str(estimate(point, None, 0.2))
 
 

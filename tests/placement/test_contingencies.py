@@ -1,5 +1,7 @@
 """The contingencies to be survived: lists, screens and files, and their mistakes."""
 
+from dataclasses import replace
+
 import pytest
 
 from stabctl._util.errors import StudyError
@@ -136,6 +138,17 @@ def test_impedances_and_machine_trips_of_a_file(read):
     assert [(e.machine, e.at) for e in second.events] == [(9, pytest.approx(1.5)), (8, pytest.approx(1.2))]
     assert (third.fault, [(e.machine, e.at) for e in third.after]) == (None, [(9, 0.0)])
     assert (fourth.fault, str(fourth.trip)) == (None, "('16-21',)")
+
+
+def test_other_instants_make_another_contingency_only_under_a_control_with_instants_of_its_own(cases):
+    """What counts otherwise is the time from the fault on."""
+    gated = Controller("deviation:1", "vref:1", [], [], [], [[1.0]], gate=Gate(start=2.2))
+    early, late = (Contingency("16", "6cyc", at=at, events=f"16-24@{at + 1}s") for at in (1.0, 2.0))
+    other = replace(late, events="16-24@2s")
+    assert len(contingencies(cases("ieee39"), [early, other])) == 2
+    assert len(contingencies(cases("ieee39"), [early, late], gated)) == 2
+    with pytest.raises(StudyError, match="is the same as contingency 1"):
+        contingencies(cases("ieee39"), [early, late])
 
 
 def test_without_a_fault_time_begins_with_the_first_event_or_is_that_of_a_gate(cases):

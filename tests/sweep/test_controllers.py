@@ -1,6 +1,7 @@
 """Sweeps with controllers: a job is the call with the controllers, and their content is in its key."""
 
 import control
+import numpy as np
 import pytest
 
 import stabctl as st
@@ -36,6 +37,19 @@ def test_a_job_with_a_controller_is_that_of_the_call(write, tmp_path, cases):
     assert law.message == str(base.clearing_time(fault, control=st.BangBang(), **options))
     assert own.message == str(base.clearing_time(fault, control=gain(2e3), **options))
     assert own.values["cycles"] < law.values["cycles"]  # one device instead of four
+
+
+def test_a_clearing_time_has_the_instant_of_a_simulation(write, tmp_path):
+    """It matters to a gate with a start and an end."""
+    gate = st.Gate(start=1.02, end=1.4)
+    st.Controller("deviation", "order", [], [], [], 200 * np.eye(4), gate=gate).save(tmp_path / "gated.toml")
+    head = 'case = "two_area"\nfault = "7"\nstorage = "50MW"\ncontroller = "gated.toml"\n'
+    path = write(head + 'kind = "clearing-time"\nresolution = "1cyc"\nscan = "0cyc"\nlongest_s = 0\n')
+    (found,) = (run_job(task) for task in tasks(study_file.read(path), path))
+    longest = round(found.values["cycles"])
+    path = write(head + f'kind = "simulate"\nuntil_s = 6\nclear = ["{longest}cyc", "{longest + 1}cyc"]\n')
+    ends = [run_job(task).values["outcome"] for task in tasks(study_file.read(path), path)]
+    assert ends == ["stable", "lost_synchronism"]
 
 
 @pytest.mark.slow

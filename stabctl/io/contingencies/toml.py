@@ -101,8 +101,11 @@ def _machine_trip(text: str, case: Case) -> tuple[bool, Event]:
     return at_clearing, events.event(text, case.frequency_hz, events.TripMachine)
 
 
-def checked(case: Case, given: Iterable[Contingency]) -> tuple[Contingency, ...]:
-    """The contingencies, each with a fault and its clearing time or other events, possible, and each different."""
+def checked(case: Case, given: Iterable[Contingency], timed: bool = False) -> tuple[Contingency, ...]:
+    """The contingencies, each with a fault and its clearing time or other events, possible, and each different.
+
+    Those with the same times from the fault on differ only if the control has instants of its own (`timed`).
+    """
     out = tuple(given)
     if not out:
         raise StudyError("There are no contingencies to survive; give at least one.")
@@ -125,7 +128,10 @@ def checked(case: Case, given: Iterable[Contingency]) -> tuple[Contingency, ...]
             one = one.placed(case)
         except StudyError as error:
             raise StudyError(f"{where}: {error}") from None
-        first = met.setdefault((one.fault, one.trip, clear, one.impedance, one.events, one.after), i)
+        at = one.starts(case)
+        others = tuple(replace(event, at=round(event.at - at, 9)) for event in one.others(case))
+        key = (one.fault, one.trip, clear, one.impedance, others, one.after, at * timed)
+        first = met.setdefault(key, i)
         if first != i:
             raise StudyError(f"{where} is the same as contingency {first}; remove one of them.")
     return tuple(one.placed(case) for one in out)
