@@ -310,7 +310,7 @@ def _controllers(siting: Siting) -> Iterator[str]:
 def _comparisons(siting: Siting) -> Iterator[str]:
     """The uniform fleet and the allocation by linear analysis."""
     if siting.uniform_mw == 0:
-        yield f"The system survives every contingency even without {'further ' * bool(siting.existing)}storage."
+        yield f"The system survives {_every(siting)} even without {'further ' * bool(siting.existing)}storage."
     elif siting.uniform_mw:
         yield (
             f"A uniform fleet would need at least {siting.uniform_mw:.1f} MW ({siting.uniform_percent:.2f} % of every "
@@ -350,7 +350,7 @@ def reservations(siting: Siting) -> tuple[str, ...]:
             fleet = fleet if siting.sites else f"the system without {'further ' * bool(siting.existing)}storage"
             lost = _lost(siting, row)
             advice = "; use a longer observation window" if row.setting else ""
-            found = f"does not survive {lost}{advice}" if lost else "survives every contingency"
+            found = f"does not survive {lost}{advice}" if lost else f"survives {_every(siting)}"
             said.append(f"With {what}, {fleet} {found}.")
     if growing := [c.label for c in siting.contingencies if c.growing]:
         said.append(
@@ -358,7 +358,7 @@ def reservations(siting: Siting) -> tuple[str, ...]:
             "observation window, stability may be lost."
         )
     said += _other_sizes(siting)
-    also = "survives every contingency too, so a smaller fleet is possible"
+    also = f"survives {_every(siting)} too, so a smaller fleet is possible"
     said += [f"The fleet {row.fleet} {also}." for row in siting.smaller]
     return tuple(said)
 
@@ -391,7 +391,7 @@ def _other_sizes(siting: Siting) -> Iterator[str]:
     rows = [row for row in siting.evidence if row.site]
     if rows and not any(row.lost for row in rows):
         changed = 100 * abs(rows[0].scale - 1)
-        yield f"The fleet survives every contingency also if any one site has {changed:g} % less or more."
+        yield f"The fleet survives {_every(siting)} also if any one site has {changed:g} % less or more."
         return
     for less in (False, True):
         tried = [row for row in rows if (row.scale < 1) == less]
@@ -402,6 +402,11 @@ def _other_sizes(siting: Siting) -> Iterator[str]:
                 f"With {changed:g} % {'less' if less else 'more'} at one site alone, the fleet is not sufficient for "
                 f"{len(lost)} of {count}: {named}."
             )
+
+
+def _every(siting: Siting) -> str:
+    """What a fleet is simulated against."""
+    return f"every {'other ' * bool(siting.infeasible)}contingency"
 
 
 def _lost(siting: Siting, row: Evidence) -> str:

@@ -168,8 +168,22 @@ def test_reservations_are_among_the_sentences(siting):
     infeasible, other, less = spared.reservations()
     assert other.endswith("10 % more at one site alone, the fleet is not sufficient for 1 of 1 site: 3@103 loses <9>.")
     assert infeasible.startswith("Not survived: 3 at 18.00 cycles: none of the 35 fleets")
-    assert less == "The fleet without 31@131 survives every contingency too, so a smaller fleet is possible."
+    assert less == "The fleet without 31@131 survives every other contingency too, so a smaller fleet is possible."
     assert spared.remarks()[-3:] == (infeasible, other, less)
+
+
+def test_what_survives_all_but_what_is_lost_survives_every_other_contingency(siting):
+    """Where one is lost with every fleet tried, nothing survives every contingency."""
+    every, refined = (True, True), Evidence(60.0, (12.25, 7.5), (True, True), refined=True)
+    held = (refined, Evidence(54.0, (), every, scale=0.9), Evidence(64.0, (), every, scale=1.1, site="3@103"))
+    some = replace(siting, uniform_mw=0.0, evidence=held)
+    for one, words in (
+        (some, "survives every other contingency"),
+        (replace(some, infeasible=()), "survives every contingency"),
+    ):
+        said = [remark for remark in one.remarks() if "survives every" in remark]
+        assert len(said) == 4
+        assert all(words in remark for remark in said)
 
 
 def test_labels_of_the_figures_stand_apart(siting):
