@@ -378,8 +378,10 @@ def _none_found(trials: Trials, sites: int | None) -> str:
 
 def _survived(trials: Trials, best: np.ndarray, times: list[CriticalTime]) -> tuple[Survived, ...]:
     """A row for every scenario."""
-    lost_with_less = trials.lost(LESS * best)
+    less = trials.lost(LESS * best)
     return tuple(
-        Survived(one, trials.target(k), c.cycles, c.machine, c.stable, k in lost_with_less, *trials.named(k), c.growing)
+        Survived(
+            one, trials.target(k), c.cycles, c.machine, c.stable, k in less, *trials.named(k), c.growing, c.longest
+        )
         for k, (one, c) in enumerate(zip(trials.contingencies, times, strict=True))
     )

@@ -181,7 +181,8 @@ class Siting(Tabular):
     def clearing_times(self) -> "pd.DataFrame":
         """The contingencies, a row each: target, critical clearing time and margin with the fleet (cycles).
 
-        Those that no fleet survives are the last rows, without times and not stable.
+        A fault that is survived up to the longest clearing time tried has no critical time. Those that no fleet
+        survives are the last rows, without times and not stable.
         """
         import pandas as pd
 
@@ -214,10 +215,8 @@ class Siting(Tabular):
         lines.append(f"{'contingency':{width}s}  target  critical, cycles")
         for c in self.contingencies:
             target = "-" if c.target_cycles is None else f"{c.target_cycles:.3f}"
-            found = "none" if c.critical_cycles is None else f"{c.critical_cycles:.3f}"
-            found = "-" if c.target_cycles is None else found
             binding = "  binding" if c.binding else ""
-            lines.append(f"{c.label:{width}s} {target:>7s} {found:>9s}{binding}")
+            lines.append(f"{c.label:{width}s} {target:>7s} {c.critical or '-':>9s}{binding}")
         for lost in self.infeasible:
             target = "-" if lost.target_cycles is None else f"{lost.target_cycles:.3f}"
             lines.append(f"{lost.label:{width}s} {target:>7s} {'lost':>9s}  with every fleet tried")

@@ -21,6 +21,7 @@ from stabctl.placement.place import place
 from stabctl.placement.site_options import SiteOption
 from stabctl.placement.siting import Costs, Evidence
 from stabctl.simulation.contingency import Contingency
+from stabctl.view.pages import siting_page
 
 CANDIDATES = ((1, 39), (6, 22), (9, 29))
 NEAR_9 = Contingency("29", 4.75 / 60, "26-29")
@@ -178,6 +179,26 @@ def test_a_contingency_that_is_always_unstable_has_no_margin(both):
     lost = both.contingencies[0]._replace(critical_cycles=None, stable=False)
     assert lost.margin_cycles is None
     assert replace(both, contingencies=(lost,)).clearing_times.margin_cycles.isna().all()
+
+
+def test_what_is_stable_up_to_the_limit_has_no_critical_time():
+    """As a clearing time with the fleet says, and a margin there is none."""
+    case = st.load("wscc9").classical()
+    weak, near = (
+        st.Contingency("7", clear="9cyc", trip="5-7", impedance=0.5j),
+        st.Contingency("7", clear="6.5cyc", trip="5-7"),
+    )
+    found = st.place(case, [near, weak], observe="2s", candidates=[(2, 7)])
+    point = case.with_storage(found.storage()).initialize()
+    for row in found.contingencies:
+        own = point.clearing_time(row.contingency, control=st.BangBang(), observe="2s", longest=0)
+        assert (row.longest_cycles == 60) == (own.status == "stable_at_limit") == (row.critical_cycles is None)
+    assert found.contingencies[1].critical == "60 or more"
+    assert "60 or more" in str(found)
+    assert found.clearing_times.critical_cycles.isna().tolist() == [False, True]
+    assert found.clearing_times.margin_cycles.isna().tolist() == [False, True]
+    assert found.clearing_times.stable.all()
+    assert "<td>60 or more</td>" in siting_page.page(replace(found, candidates=(), history=())).html()
 
 
 def test_where_nothing_is_curable(case):
