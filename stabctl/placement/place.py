@@ -206,7 +206,7 @@ class _Found(NamedTuple):
     energy: np.ndarray  # (candidates) MWh
     even: np.ndarray | None  # the smallest uniform fleet
     linear: np.ndarray | None  # the cheapest linear allocation, scaled
-    infeasible: tuple[Infeasible, ...]
+    infeasible: dict[Scenario, Infeasible]
 
 
 def _searched(study: _Study, runner: Runner, progress: Callable[[int, float], None] | None) -> _Found:
@@ -269,7 +269,7 @@ def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siti
         uniform_percent=None if even is None else float(100 * (even / study.possible.mva).max()),
         linear_mw=None if found.linear is None else float(found.linear.sum()),
         contingencies=survived,
-        infeasible=found.infeasible,
+        infeasible=tuple(found.infeasible[one] for one in trials.among(found.infeasible).of(best).scenarios),
         evidence=rows,
         history=tuple(planes.history),
         observed_s=study.search.observed_s,

@@ -87,7 +87,7 @@ class Survived(NamedTuple):
     stable: bool  # in the simulation at the target
     binding: bool  # unstable with 3 % less storage
     operating_point: str = ""  # if there are several
-    out: str = ""  # the device (machine@bus) that is out of service
+    out: str = ""  # the device out of service: machine@bus, or "existing machine@bus"
     growing: bool = False  # the swings grow in the simulation at the target
     longest_cycles: float | None = None  # of the faults tried, if that is stable and there is no critical time
 
@@ -121,7 +121,7 @@ class Infeasible(NamedTuple):
     alone_cycles: float | None  # critical clearing time without the fleet, existing devices in service
     tried: int  # fleets
     operating_point: str = ""  # if there are several
-    out: str = ""  # the device (machine@bus) that is out of service
+    out: str = ""  # the device out of service: machine@bus, or "existing machine@bus"
     existing: bool = False  # there are existing devices
 
     @property

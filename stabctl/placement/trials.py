@@ -119,7 +119,7 @@ class Trials:
 
     def _device(self, row: int) -> str:
         s = self.point.case.storage[row]
-        return f"{s.machine}@{s.bus}"
+        return f"{'existing ' * (row < len(self.existing))}{s.machine}@{s.bus}"
 
     @property
     def simulations(self) -> int:
