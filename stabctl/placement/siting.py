@@ -36,8 +36,8 @@ class Siting(Tabular):
         Lowest cost that the cutting planes allow, no bound; None if the solver failed.
     cuts_mw : float or None, MW
         The same in MW, if a MW costs the same everywhere and nothing else has a cost.
-    uniform_mw, uniform_percent : float or None, MW and percent of machine MVA
-        Smallest uniform fleet that survives everything; None if there is none within the caps.
+    uniform_mw, uniform_percent : float or None, MW and percent of the machine's MVA at every candidate site
+        Smallest uniform fleet that survives everything, no device above its cap; None if there is none.
     linear_mw : float or None, MW
         Allocation by linear analysis, scaled until it survives everything.
     contingencies, infeasible : tuple
@@ -312,8 +312,9 @@ def _comparisons(siting: Siting) -> Iterator[str]:
         yield f"The system survives {_every(siting)} even without {'further ' * bool(siting.existing)}storage."
     elif siting.uniform_mw:
         yield (
-            f"A uniform fleet would need at least {siting.uniform_mw:.1f} MW ({siting.uniform_percent:.2f} % of every "
-            f"machine's MVA); this fleet needs {siting.percent_of_uniform:.0f} % of that."
+            f"A uniform fleet would need at least {siting.uniform_mw:.1f} MW ({siting.uniform_percent:.2f} % of the "
+            "machine's MVA at every candidate site, up to its cap); this fleet needs "
+            f"{siting.percent_of_uniform:.0f} % of that."
         )
     else:
         yield "No uniform fleet within the caps is sufficient."

@@ -245,6 +245,17 @@ def test_caps_are_kept(case):
     assert all(s.mw <= 0.2 * sent[s.machine] * 1.001 for s in dispatch.sites)
 
 
+def test_the_uniform_fleet_has_one_percentage_at_every_site_up_to_its_cap(case):
+    """Also with two sites of one machine, and a cap that is reached."""
+    places = [SiteOption(29, 9, cap=10.0), SiteOption(28, 9, cap=200.0), SiteOption(22, 6, cap=200.0)]
+    found = study(case, NEAR_9, candidates=places)
+    own = {m.machine: found.uniform_percent / 100 * m.base for m in case.machines}
+    assert [c.uniform_mw for c in found.candidates] == pytest.approx([10.0, own[9], own[6]])
+    assert found.uniform_mw == pytest.approx(10 + own[9] + own[6])
+    share = f"({found.uniform_percent:.2f} % of the machine's MVA at every candidate site, up to its cap)"
+    assert share in str(found)
+
+
 def test_some_caps_of_nothing(case):
     """A machine without dispatch has no room for storage then."""
     idle = tuple(m._replace(p=0.0) if m.machine == 6 else m for m in case.machines)

@@ -83,8 +83,8 @@ def _drawn(siting: Siting, base: "Case | OperatingPoint | None") -> Iterator[Fig
         yield figure(
             figures.plot(siting),
             "Ratings by site.",
-            "The uniform fleet has the same share of the MVA rating of every machine, the smallest share with which "
-            "all contingencies are stable.",
+            "The uniform fleet has the same share of the machine's MVA rating at every candidate site, up to its cap: "
+            "the smallest share that is sufficient.",
         )
 
 
