@@ -252,15 +252,17 @@ def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siti
     times = critical_times(trials, best)
     rows = table(trials, best, times, others, study.tolerance or USUAL)
     survived = _survived(trials, best, times)
-    mva, uses = evidence.mva(trials, best), evidence.used(trials, best)
+    devices, uses = evidence.devices(trials, best), evidence.used(trials, best)
     places, price = study.possible.candidates, study.possible.prices.of_a_mw
-    built = []
-    for i in (int(i) for i in np.argsort(-best) if best[i] > 0):
-        site = Site(places[i].bus, places[i].machine, float(best[i]), float(found.energy[i]), float(mva[i]))
+    order, built = [int(i) for i in np.argsort(-best) if best[i] > 0], []
+    for i in order:
+        s = devices[i]
+        site = Site(s.bus, s.machine, s.rating, float(found.energy[i]), s.mva or s.rating)
         built.append(site if (use := uses[i]) is None else site._replace(**use._asdict()))
     return Siting(
         case=case.name,
         sites=tuple(built),
+        devices=tuple(devices[i] for i in order),
         costs=study.costs,
         cost=planes.cost,
         cuts_cost=planes.bound,

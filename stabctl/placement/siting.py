@@ -28,6 +28,8 @@ class Siting(Tabular):
         Name and title of the case.
     sites : tuple of Site
         The devices, largest first.
+    devices : tuple of Storage
+        The same as they were simulated.
     costs : Costs
         What was minimized.
     cost : float
@@ -99,6 +101,7 @@ class Siting(Tabular):
     tolerance: float | None = None
     criteria: str = ""
     cuts_mw: float | None = None
+    devices: tuple[Storage, ...] = ()
 
     plot = verb("stabctl.view.figures.siting:plot")
     report = verb("stabctl.view.pages.siting_page:write")
@@ -142,12 +145,12 @@ class Siting(Tabular):
         return tuple(row for row in self.evidence if asked and row.smaller and not row.lost)
 
     def storage(self, **options: Any) -> tuple[Storage, ...]:
-        """The devices, for `simulate(storage=...)`.
+        """The devices, for `simulate(storage=...)`, with the properties that they were sized with.
 
         Parameters
         ----------
         **options
-            Fields of `Storage`, such as lag.
+            Other values of fields of `Storage`, such as lag.
 
         Returns
         -------
@@ -160,9 +163,7 @@ class Siting(Tabular):
         >>> [device.lag for device in found.storage(lag=0.05)]
         [0.05]
         """
-        return tuple(
-            Storage(s.machine, s.bus, s.mw, **{"mva": 0.0 if s.mva == s.mw else s.mva, **options}) for s in self.sites
-        )
+        return tuple(device._replace(**options) for device in self.devices)
 
     @property
     def df(self) -> "pd.DataFrame":

@@ -335,12 +335,23 @@ def test_the_mva_of_converters_and_the_largest_current_are_those_of_the_fleet(ca
     assert free.mva == pytest.approx(free.mw / (0.8 * 1.11))
     assert (free.limited, free.set_by[:12]) == (False, "power rating")
     assert 0.8 < free.current / free.limit < 1  # 0.99
-    sized = case.with_storage(more.storage(storage_model="regc")).initialize()
+    sized = case.with_storage(more.storage()).initialize()
     run = sized.simulate(replace(NEAR_9, at=0.0), NEAR_9.clear + 2.0, control=BangBang())
     current = np.hypot(run.arrays.storage[:, 0], 0) / free.mva / np.abs(run.arrays.V[:, sized.net.place[29]])
     assert run.arrays.storage_current.max() == pytest.approx(free.current, rel=1e-9)
     assert current.max() == pytest.approx(free.current, rel=1e-3)
     assert free.worst == NEAR_9.label
+
+
+def test_the_devices_have_the_properties_that_they_were_sized_with():
+    """As if the sizes were typed in again beside the same properties; a run may still be asked for another one."""
+    case, fault = st.load("two_area"), st.Contingency("7-8@0.4", clear="22cyc")
+    device = {"characteristic": "conductance", "lag": "20ms", "efficiency": 0.9, "mva": "120%"}
+    found = st.place(case, fault, candidates=[(1, 5)], observe="2s", device=device)
+    (built,), (typed,) = found.storage(), case.with_storage({"1@5": f"{found.total_mw!r}MW"}, **device).storage
+    assert built._replace(mva=typed.mva) == typed
+    assert built.mva == pytest.approx(typed.mva)
+    assert found.storage(lag=0.0) == (built._replace(lag=0.0),)
 
 
 @pytest.mark.parametrize(

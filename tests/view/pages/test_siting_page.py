@@ -131,7 +131,6 @@ def test_converters_have_mva_and_what_sets_them(with_converters, plain):
     assert "reached at 1 of 2 sites, down to voltages of 0.75 pu, at which it allows 100 % of the MW" in text
     assert "The others have at least 10 % of the current to spare" in text
     assert not any("MVA set by" in said for said in (str(plain), siting_page.page(plain).html()))
-    assert with_converters.storage(storage_model="regc")[0].mva == 48
     assert list(with_converters.df.mva) == [48, 24]
     assert list(with_converters.df.columns[5:9]) == ["current", "limit", "voltage", "worst"]
 
@@ -264,8 +263,6 @@ def test_a_siting_is_a_table_and_saves_itself(siting, tmp_path):
     assert siting.save(tmp_path / "sites.csv").read_text().splitlines()[1].startswith("103,3,40.0")
     assert siting.report(tmp_path / "new").name == "some_place.html"
     assert "the cuts allow" in siting._repr_html_()
-    devices = [(s.machine, s.bus, s.rating, s.lag) for s in siting.storage(lag=0.1)]
-    assert devices == [(3, 103, 40.0, 0.1), (31, 131, 20.0, 0.1)]
 
 
 def test_the_percentages_are_those_of_the_record(plain):
