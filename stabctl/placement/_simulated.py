@@ -135,10 +135,10 @@ def _critical_time(one: Simulated, shared: Shared, target: float) -> Found:
     count = max(1, round(target / GRID))
     tried = trial(one, shared, target / count)
     found = last_stable(tried.attempt, tried.search.last, count, 2, **tried.search.shorter())
-    asked, longest_stable = found.runs[count], found.critical * target / count
-    shown = {"found": "cycles", "stable_at_limit": "longest"}.get(found.status)
-    known = {shown: longest_stable} if shown else {}
-    return _found(asked.stable, found.machine, len(found.runs), asked.swings, **known)
+    asked, last = found.runs[count], found.critical * target / count
+    cycles = last if found.status == "found" else None
+    longest = last if found.status == "stable_at_limit" else None
+    return _found(asked.stable, found.machine, len(found.runs), asked.swings, cycles=cycles, longest=longest)
 
 
 def _currents(ran: Trajectory) -> np.ndarray:

@@ -211,16 +211,15 @@ class Siting(Tabular):
 
     def __str__(self) -> str:
         lines = [self.remarks()[0], *sites(self)]
-        labels = [*(c.label for c in self.contingencies), *(lost.label for lost in self.infeasible)]
-        width = max(26, *map(len, labels))
+        rows: list[tuple[Survived | Infeasible, str, str]] = [
+            *((c, c.critical or "-", "  binding" * c.binding) for c in self.contingencies),
+            *((lost, "lost", "  with every fleet tried") for lost in self.infeasible),
+        ]
+        width = max(26, *(len(row.label) for row, *_ in rows))
         lines.append(f"{'contingency':{width}s}  target  critical, cycles")
-        for c in self.contingencies:
-            target = "-" if c.target_cycles is None else f"{c.target_cycles:.3f}"
-            binding = "  binding" if c.binding else ""
-            lines.append(f"{c.label:{width}s} {target:>7s} {c.critical or '-':>9s}{binding}")
-        for lost in self.infeasible:
-            target = "-" if lost.target_cycles is None else f"{lost.target_cycles:.3f}"
-            lines.append(f"{lost.label:{width}s} {target:>7s} {'lost':>9s}  with every fleet tried")
+        for row, critical, more in rows:
+            target = "-" if row.target_cycles is None else f"{row.target_cycles:.3f}"
+            lines.append(f"{row.label:{width}s} {target:>7s} {critical:>9s}{more}")
         return "\n".join([*lines, *self.remarks()[1:]])
 
     def _head(self) -> str:
@@ -259,8 +258,7 @@ def remarks(siting: Siting) -> tuple[str, ...]:
         first,
         *targets,
         *_converters(siting),
-        *_existing(siting),
-        *_controllers(siting),
+        *_acting(siting),
         *_comparisons(siting),
         *_cuts(siting),
         *reservations(siting),
@@ -294,13 +292,11 @@ def _range(values: list[float], form: str) -> str:
     return " to ".join(ends)
 
 
-def _existing(siting: Siting) -> Iterator[str]:
+def _acting(siting: Siting) -> Iterator[str]:
+    """What acts beside the fleet, and its law."""
     if siting.existing:
         total = sum(s.rating for s in siting.existing)
         yield f"{counted(len(siting.existing), 'existing device')} with {total:.1f} MW in all are kept."
-
-
-def _controllers(siting: Siting) -> Iterator[str]:
     if siting.law and siting.law != str(BangBang()):
         yield f"The devices follow the law {siting.law}."
     if siting.controllers:
