@@ -11,6 +11,7 @@ from stabctl._util.errors import LinearizationError, StudyError
 from ._allocation import Objective, allocate, gramians
 from ._cutting_planes import CuttingPlanes, Master
 from ._scaling import along, critical_scaling, largest_scaling, least_scaling
+from .contingencies import Scenario
 from .site_options import Prices
 from .siting import Infeasible
 from .trials import Trials
@@ -27,8 +28,8 @@ class BoundaryFleet(NamedTuple):
     scaling: float
 
 
-def feasible(trials: Trials, uniform: np.ndarray) -> tuple[Trials, list[BoundaryFleet], tuple[Infeasible, ...]]:
-    """The contingencies that some fleet survives, a boundary fleet of each, and the contingencies left out.
+def feasible(trials: Trials, uniform: np.ndarray) -> tuple[Trials, list[BoundaryFleet], dict[Scenario, Infeasible]]:
+    """The scenarios that some fleet survives, a boundary fleet of each, and the scenarios left out.
 
     The uniform fleet (candidates, MW) and each candidate alone are tried, from small sizes to the caps. Raises
     StudyError if no contingency is feasible.
@@ -36,9 +37,9 @@ def feasible(trials: Trials, uniform: np.ndarray) -> tuple[Trials, list[Boundary
     alone = [np.where(np.arange(len(uniform)) == i, trials.cap / 4, 0.0) for i in range(len(uniform))]
     found = trials.each(lambda k: _boundary(trials, [uniform, *alone], k))
     kept = [k for k, one in enumerate(found) if one is not None]
-    infeasible = tuple(_infeasible(trials, k) for k in range(len(found)) if found[k] is None)
+    infeasible = {trials.scenarios[k]: _infeasible(trials, k) for k, one in enumerate(found) if one is None}
     if not kept:
-        listed = " ".join(map(str, infeasible[:SHOWN]))
+        listed = " ".join(map(str, list(infeasible.values())[:SHOWN]))
         more = len(infeasible) - SHOWN
         listed += f" The same holds for {more} more." if more > 0 else ""
         raise StudyError(

@@ -23,7 +23,7 @@ from stabctl.simulation.trajectory import Trajectory
 from .contingencies import target_cycles, without_fault
 from .siting_rows import SAME
 
-FORMAT = 7
+FORMAT = 8
 GRID = 0.125  # cycles
 What = Literal["outcome", "peak", "energy", "currents", "critical time"]
 
@@ -74,10 +74,11 @@ class Peaks(NamedTuple):
 class CriticalTime(NamedTuple):
     """The critical clearing time of a contingency with a fleet."""
 
-    cycles: float | None  # on a grid of about 1/8 cycle that contains the target; None: no fault, or always unstable
+    cycles: float | None  # on a grid of about 1/8 cycle that contains the target; None: no fault, or there is none
     stable: bool  # at the target
     machine: int | str | None  # loses synchronism first just beyond
     growing: bool = False  # the swings grow at the target
+    longest: float | None = None  # cycles   of the faults tried, if that is stable and there is no critical time
 
 
 def task(one: Simulated, shared: Shared, identified: bool) -> Task:
@@ -134,9 +135,10 @@ def _critical_time(one: Simulated, shared: Shared, target: float) -> Found:
     count = max(1, round(target / GRID))
     tried = trial(one, shared, target / count)
     found = last_stable(tried.attempt, tried.search.last, count, 2, **tried.search.shorter())
-    cycles = None if found.status == "unstable_at_zero" else found.critical * target / count
-    asked = found.runs[count]
-    return _found(asked.stable, found.machine, len(found.runs), asked.swings, cycles=cycles)
+    asked, last = found.runs[count], found.critical * target / count
+    cycles = last if found.status == "found" else None
+    longest = last if found.status == "stable_at_limit" else None
+    return _found(asked.stable, found.machine, len(found.runs), asked.swings, cycles=cycles, longest=longest)
 
 
 def _currents(ran: Trajectory) -> np.ndarray:
@@ -171,7 +173,15 @@ def _found(stable: bool, machine: int | str | None, simulations: int, swings: Sw
 FLEET = Kind(
     "place",
     dict.fromkeys(Simulated._fields, str),
-    {"stable": int, "machine": str, "simulations": int, "growing": int, "cycles": float, "values": str},
+    {
+        "stable": int,
+        "machine": str,
+        "simulations": int,
+        "growing": int,
+        "cycles": float,
+        "longest": float,
+        "values": str,
+    },
     answer,
     FORMAT,
 )

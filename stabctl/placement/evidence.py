@@ -10,6 +10,7 @@ import numpy as np
 
 from stabctl.dynamics.storage import current_limits
 from stabctl.model import fleet
+from stabctl.model.tables import Storage
 from stabctl.simulation.control import Control, Sampled
 
 from ._simulated import CriticalTime
@@ -107,11 +108,10 @@ def energies(trials: Trials, mw: np.ndarray) -> np.ndarray:
     return np.max(trials.each(lambda k: trials.energy(mw, k)), axis=0)
 
 
-def mva(trials: Trials, mw: np.ndarray) -> np.ndarray:
-    """MVA (candidates) of a fleet (candidates, MW): in the proportion to the MW that the devices were given."""
+def devices(trials: Trials, mw: np.ndarray) -> list[Storage]:
+    """The devices of a fleet (candidates, MW), with MVA in the proportion to the MW that they were given."""
     rows = trials.point.case.storage[len(trials.existing) :]
-    sized = (fleet.resized(row, float(size)) for row, size in zip(rows, mw, strict=True))
-    return np.array([row.mva or row.rating for row in sized])
+    return [fleet.resized(row, float(size)) for row, size in zip(rows, mw, strict=True)]
 
 
 class Used(NamedTuple):

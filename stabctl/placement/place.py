@@ -206,7 +206,7 @@ class _Found(NamedTuple):
     energy: np.ndarray  # (candidates) MWh
     even: np.ndarray | None  # the smallest uniform fleet
     linear: np.ndarray | None  # the cheapest linear allocation, scaled
-    infeasible: tuple[Infeasible, ...]
+    infeasible: dict[Scenario, Infeasible]
 
 
 def _searched(study: _Study, runner: Runner, progress: Callable[[int, float], None] | None) -> _Found:
@@ -252,15 +252,17 @@ def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siti
     times = critical_times(trials, best)
     rows = table(trials, best, times, others, study.tolerance or USUAL)
     survived = _survived(trials, best, times)
-    mva, uses = evidence.mva(trials, best), evidence.used(trials, best)
+    devices, uses = evidence.devices(trials, best), evidence.used(trials, best)
     places, price = study.possible.candidates, study.possible.prices.of_a_mw
-    built = []
-    for i in (int(i) for i in np.argsort(-best) if best[i] > 0):
-        site = Site(places[i].bus, places[i].machine, float(best[i]), float(found.energy[i]), float(mva[i]))
+    order, built = [int(i) for i in np.argsort(-best) if best[i] > 0], []
+    for i in order:
+        s = devices[i]
+        site = Site(s.bus, s.machine, s.rating, float(found.energy[i]), s.mva or s.rating)
         built.append(site if (use := uses[i]) is None else site._replace(**use._asdict()))
     return Siting(
         case=case.name,
         sites=tuple(built),
+        devices=tuple(devices[i] for i in order),
         costs=study.costs,
         cost=planes.cost,
         cuts_cost=planes.bound,
@@ -269,7 +271,7 @@ def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siti
         uniform_percent=None if even is None else float(100 * (even / study.possible.mva).max()),
         linear_mw=None if found.linear is None else float(found.linear.sum()),
         contingencies=survived,
-        infeasible=found.infeasible,
+        infeasible=tuple(found.infeasible[one] for one in trials.among(found.infeasible).of(best).scenarios),
         evidence=rows,
         history=tuple(planes.history),
         observed_s=study.search.observed_s,
@@ -378,8 +380,10 @@ def _none_found(trials: Trials, sites: int | None) -> str:
 
 def _survived(trials: Trials, best: np.ndarray, times: list[CriticalTime]) -> tuple[Survived, ...]:
     """A row for every scenario."""
-    lost_with_less = trials.lost(LESS * best)
+    less = trials.lost(LESS * best)
     return tuple(
-        Survived(one, trials.target(k), c.cycles, c.machine, c.stable, k in lost_with_less, *trials.named(k), c.growing)
+        Survived(
+            one, trials.target(k), c.cycles, c.machine, c.stable, k in less, *trials.named(k), c.growing, c.longest
+        )
         for k, (one, c) in enumerate(zip(trials.contingencies, times, strict=True))
     )

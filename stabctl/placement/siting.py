@@ -28,6 +28,8 @@ class Siting(Tabular):
         Name and title of the case.
     sites : tuple of Site
         The devices, largest first.
+    devices : tuple of Storage
+        The same as they were simulated.
     costs : Costs
         What was minimized.
     cost : float
@@ -36,8 +38,8 @@ class Siting(Tabular):
         Lowest cost that the cutting planes allow, no bound; None if the solver failed.
     cuts_mw : float or None, MW
         The same in MW, if a MW costs the same everywhere and nothing else has a cost.
-    uniform_mw, uniform_percent : float or None, MW and percent of machine MVA
-        Smallest uniform fleet that survives everything; None if there is none within the caps.
+    uniform_mw, uniform_percent : float or None, MW and percent of the machine's MVA at every candidate site
+        Smallest uniform fleet that survives everything, no device above its cap; None if there is none.
     linear_mw : float or None, MW
         Allocation by linear analysis, scaled until it survives everything.
     contingencies, infeasible : tuple
@@ -99,6 +101,7 @@ class Siting(Tabular):
     tolerance: float | None = None
     criteria: str = ""
     cuts_mw: float | None = None
+    devices: tuple[Storage, ...] = ()
 
     plot = verb("stabctl.view.figures.siting:plot")
     report = verb("stabctl.view.pages.siting_page:write")
@@ -142,12 +145,12 @@ class Siting(Tabular):
         return tuple(row for row in self.evidence if asked and row.smaller and not row.lost)
 
     def storage(self, **options: Any) -> tuple[Storage, ...]:
-        """The devices, for `simulate(storage=...)`.
+        """The devices, for `simulate(storage=...)`, with the properties that they were sized with.
 
         Parameters
         ----------
         **options
-            Fields of `Storage`, such as lag.
+            Other values of fields of `Storage`, such as lag.
 
         Returns
         -------
@@ -160,9 +163,7 @@ class Siting(Tabular):
         >>> [device.lag for device in found.storage(lag=0.05)]
         [0.05]
         """
-        return tuple(
-            Storage(s.machine, s.bus, s.mw, **{"mva": 0.0 if s.mva == s.mw else s.mva, **options}) for s in self.sites
-        )
+        return tuple(device._replace(**options) for device in self.devices)
 
     @property
     def df(self) -> "pd.DataFrame":
@@ -181,7 +182,8 @@ class Siting(Tabular):
     def clearing_times(self) -> "pd.DataFrame":
         """The contingencies, a row each: target, critical clearing time and margin with the fleet (cycles).
 
-        Those that no fleet survives are the last rows, without times and not stable.
+        A fault that is survived up to the longest clearing time tried has no critical time. Those that no fleet
+        survives are the last rows, without times and not stable.
         """
         import pandas as pd
 
@@ -209,18 +211,15 @@ class Siting(Tabular):
 
     def __str__(self) -> str:
         lines = [self.remarks()[0], *sites(self)]
-        labels = [*(c.label for c in self.contingencies), *(lost.label for lost in self.infeasible)]
-        width = max(26, *map(len, labels))
+        rows: list[tuple[Survived | Infeasible, str, str]] = [
+            *((c, c.critical or "-", "  binding" * c.binding) for c in self.contingencies),
+            *((lost, "lost", "  with every fleet tried") for lost in self.infeasible),
+        ]
+        width = max(26, *(len(row.label) for row, *_ in rows))
         lines.append(f"{'contingency':{width}s}  target  critical, cycles")
-        for c in self.contingencies:
-            target = "-" if c.target_cycles is None else f"{c.target_cycles:.3f}"
-            found = "none" if c.critical_cycles is None else f"{c.critical_cycles:.3f}"
-            found = "-" if c.target_cycles is None else found
-            binding = "  binding" if c.binding else ""
-            lines.append(f"{c.label:{width}s} {target:>7s} {found:>9s}{binding}")
-        for lost in self.infeasible:
-            target = "-" if lost.target_cycles is None else f"{lost.target_cycles:.3f}"
-            lines.append(f"{lost.label:{width}s} {target:>7s} {'lost':>9s}  with every fleet tried")
+        for row, critical, more in rows:
+            target = "-" if row.target_cycles is None else f"{row.target_cycles:.3f}"
+            lines.append(f"{row.label:{width}s} {target:>7s} {critical:>9s}{more}")
         return "\n".join([*lines, *self.remarks()[1:]])
 
     def _head(self) -> str:
@@ -259,8 +258,7 @@ def remarks(siting: Siting) -> tuple[str, ...]:
         first,
         *targets,
         *_converters(siting),
-        *_existing(siting),
-        *_controllers(siting),
+        *_acting(siting),
         *_comparisons(siting),
         *_cuts(siting),
         *reservations(siting),
@@ -294,13 +292,11 @@ def _range(values: list[float], form: str) -> str:
     return " to ".join(ends)
 
 
-def _existing(siting: Siting) -> Iterator[str]:
+def _acting(siting: Siting) -> Iterator[str]:
+    """What acts beside the fleet, and its law."""
     if siting.existing:
         total = sum(s.rating for s in siting.existing)
         yield f"{counted(len(siting.existing), 'existing device')} with {total:.1f} MW in all are kept."
-
-
-def _controllers(siting: Siting) -> Iterator[str]:
     if siting.law and siting.law != str(BangBang()):
         yield f"The devices follow the law {siting.law}."
     if siting.controllers:
@@ -310,11 +306,12 @@ def _controllers(siting: Siting) -> Iterator[str]:
 def _comparisons(siting: Siting) -> Iterator[str]:
     """The uniform fleet and the allocation by linear analysis."""
     if siting.uniform_mw == 0:
-        yield f"The system survives every contingency even without {'further ' * bool(siting.existing)}storage."
+        yield f"The system survives {_every(siting)} even without {'further ' * bool(siting.existing)}storage."
     elif siting.uniform_mw:
         yield (
-            f"A uniform fleet would need at least {siting.uniform_mw:.1f} MW ({siting.uniform_percent:.2f} % of every "
-            f"machine's MVA); this fleet needs {siting.percent_of_uniform:.0f} % of that."
+            f"A uniform fleet would need at least {siting.uniform_mw:.1f} MW ({siting.uniform_percent:.2f} % of the "
+            "machine's MVA at every candidate site, up to its cap); this fleet needs "
+            f"{siting.percent_of_uniform:.0f} % of that."
         )
     else:
         yield "No uniform fleet within the caps is sufficient."
@@ -350,7 +347,7 @@ def reservations(siting: Siting) -> tuple[str, ...]:
             fleet = fleet if siting.sites else f"the system without {'further ' * bool(siting.existing)}storage"
             lost = _lost(siting, row)
             advice = "; use a longer observation window" if row.setting else ""
-            found = f"does not survive {lost}{advice}" if lost else "survives every contingency"
+            found = f"does not survive {lost}{advice}" if lost else f"survives {_every(siting)}"
             said.append(f"With {what}, {fleet} {found}.")
     if growing := [c.label for c in siting.contingencies if c.growing]:
         said.append(
@@ -358,7 +355,7 @@ def reservations(siting: Siting) -> tuple[str, ...]:
             "observation window, stability may be lost."
         )
     said += _other_sizes(siting)
-    also = "survives every contingency too, so a smaller fleet is possible"
+    also = f"survives {_every(siting)} too, so a smaller fleet is possible"
     said += [f"The fleet {row.fleet} {also}." for row in siting.smaller]
     return tuple(said)
 
@@ -391,7 +388,7 @@ def _other_sizes(siting: Siting) -> Iterator[str]:
     rows = [row for row in siting.evidence if row.site]
     if rows and not any(row.lost for row in rows):
         changed = 100 * abs(rows[0].scale - 1)
-        yield f"The fleet survives every contingency also if any one site has {changed:g} % less or more."
+        yield f"The fleet survives {_every(siting)} also if any one site has {changed:g} % less or more."
         return
     for less in (False, True):
         tried = [row for row in rows if (row.scale < 1) == less]
@@ -402,6 +399,11 @@ def _other_sizes(siting: Siting) -> Iterator[str]:
                 f"With {changed:g} % {'less' if less else 'more'} at one site alone, the fleet is not sufficient for "
                 f"{len(lost)} of {count}: {named}."
             )
+
+
+def _every(siting: Siting) -> str:
+    """What a fleet is simulated against."""
+    return f"every {'other ' * bool(siting.infeasible)}contingency"
 
 
 def _lost(siting: Siting, row: Evidence) -> str:

@@ -82,13 +82,14 @@ class Survived(NamedTuple):
 
     contingency: Contingency
     target_cycles: float | None  # None: without a fault
-    critical_cycles: float | None  # on a grid that contains the target; None: no fault, or always unstable
+    critical_cycles: float | None  # on a grid that contains the target; None: no fault, or there is none
     machine: int | str | None  # loses synchronism first just beyond the critical time
     stable: bool  # in the simulation at the target
     binding: bool  # unstable with 3 % less storage
     operating_point: str = ""  # if there are several
-    out: str = ""  # the device (machine@bus) that is out of service
+    out: str = ""  # the device out of service: machine@bus, or "existing machine@bus"
     growing: bool = False  # the swings grow in the simulation at the target
+    longest_cycles: float | None = None  # of the faults tried, if that is stable and there is no critical time
 
     @property
     def label(self) -> str:
@@ -97,10 +98,19 @@ class Survived(NamedTuple):
 
     @property
     def margin_cycles(self) -> float | None:
-        """Critical clearing time minus target, cycles; None if there is none: no fault, or always unstable."""
+        """Critical clearing time minus target, cycles; None if there is none."""
         if self.target_cycles is None or self.critical_cycles is None:
             return None
         return self.critical_cycles - self.target_cycles
+
+    @property
+    def critical(self) -> str:
+        """The critical clearing time in cycles; empty without a fault."""
+        if self.target_cycles is None:
+            return ""
+        if self.longest_cycles is not None:
+            return f"{self.longest_cycles:.4g} or more"
+        return "none" if self.critical_cycles is None else f"{self.critical_cycles:.3f}"
 
 
 class Infeasible(NamedTuple):
@@ -111,7 +121,7 @@ class Infeasible(NamedTuple):
     alone_cycles: float | None  # critical clearing time without the fleet, existing devices in service
     tried: int  # fleets
     operating_point: str = ""  # if there are several
-    out: str = ""  # the device (machine@bus) that is out of service
+    out: str = ""  # the device out of service: machine@bus, or "existing machine@bus"
     existing: bool = False  # there are existing devices
 
     @property

@@ -119,7 +119,7 @@ class Trials:
 
     def _device(self, row: int) -> str:
         s = self.point.case.storage[row]
-        return f"{s.machine}@{s.bus}"
+        return f"{'existing ' * (row < len(self.existing))}{s.machine}@{s.bus}"
 
     @property
     def simulations(self) -> int:
@@ -216,7 +216,8 @@ class Trials:
     def critical_time(self, mw: np.ndarray, k: int, control: Control = None) -> CriticalTime:
         """The critical clearing time of scenario k with a fleet (candidates, MW), also under another control."""
         row = self.ask("critical time", self.fleet(mw), k, control)
-        return CriticalTime(row.get("cycles"), bool(row["stable"]), json.loads(row["machine"]), bool(row["growing"]))
+        stable, machine, growing = bool(row["stable"]), json.loads(row["machine"]), bool(row["growing"])
+        return CriticalTime(row.get("cycles"), stable, machine, growing, row.get("longest"))
 
     def each(self, ask: Callable[[int], T], which: Iterable[int] | None = None) -> list[T]:
         """The results of `ask` for every scenario, or for these numbers, in parallel."""

@@ -129,7 +129,7 @@ def critical_clearing(m: OMIB, absorbed: float = 0.0) -> CriticalClearing:
 def equal_area(m: OMIB, clearing: float, absorbed: float = 0.0) -> EqualArea:
     """The areas of a fault cleared at an angle (rad) with P_C = `absorbed` (pu) after clearing.
 
-    Raises StudyError unless the angle is between the start and the unstable equilibrium.
+    Raises StudyError unless the angle is between the start and the unstable equilibrium and reached during the fault.
     """
     _check_absorbed(absorbed)
     if not m.start <= clearing < m.unstable:
@@ -137,12 +137,17 @@ def equal_area(m: OMIB, clearing: float, absorbed: float = 0.0) -> EqualArea:
             f"The clearing angle {clearing:g} rad is not possible; it must be at least {m.start:.4f} and below "
             f"{m.unstable:.4f} rad."
         )
+    if _least_area(m, clearing) < 0:
+        raise StudyError(
+            f"The machine does not reach {clearing:g} rad during the fault; choose a smaller clearing angle."
+        )
 
     def excess(stop: float) -> float:
         return accelerating(m, clearing) - decelerating(m, clearing, stop, absorbed)
 
     lost = excess(m.unstable) > 0
-    stop = m.unstable if lost else brentq(excess, max(clearing, m.stable), m.unstable, xtol=1e-14)
+    slowing = math.asin(max(m.Pm - absorbed, 0.0) / m.Pmax_post)  # from this angle on, the machine decelerates
+    stop = m.unstable if lost else brentq(excess, max(clearing, slowing), m.unstable, xtol=1e-14)
     d = np.union1d(np.linspace(0, math.pi, 361), [m.start, clearing, stop, m.unstable])
     Pe = m.Pmax_post * np.sin(d)
     areas = accelerating(m, clearing), decelerating(m, clearing, stop, absorbed)
@@ -170,12 +175,17 @@ def _check_absorbed(power: float) -> None:
         raise StudyError(f"The absorbed power P_C = {power:g} pu is not allowed; it must be finite and at least 0.")
 
 
+def _least_area(m: OMIB, angle: float) -> float:
+    """The least A1 at `angle` (rad) and where the fault decelerates before it; below 0, the machine returns earlier."""
+    turn = math.pi - math.asin(m.Pm / m.Pmax_fault) if m.Pmax_fault > m.Pm else angle
+    return min(accelerating(m, min(angle, turn)), accelerating(m, angle))
+
+
 def _time_in_fault(m: OMIB, angle: float) -> float:
     """Time (s) from the start of the fault to `angle` (rad)."""
     if m.Xfault is None:
         return math.sqrt(2 * m.M * (angle - m.start) / m.Pm)
-    turn = math.pi - math.asin(m.Pm / m.Pmax_fault) if m.Pmax_fault > m.Pm else angle
-    if accelerating(m, min(angle, turn)) <= 0 or accelerating(m, angle) <= 0:
+    if _least_area(m, angle) <= 0:
         raise StudyError(ALWAYS_STABLE)
 
     def integrand(z: float) -> float:  # d = start + z^2 removes the singularity at the start, where the speed is zero

@@ -21,6 +21,7 @@ from stabctl.placement.place import place
 from stabctl.placement.site_options import SiteOption
 from stabctl.placement.siting import Costs, Evidence
 from stabctl.simulation.contingency import Contingency
+from stabctl.view.pages import siting_page
 
 CANDIDATES = ((1, 39), (6, 22), (9, 29))
 NEAR_9 = Contingency("29", 4.75 / 60, "26-29")
@@ -180,6 +181,26 @@ def test_a_contingency_that_is_always_unstable_has_no_margin(both):
     assert replace(both, contingencies=(lost,)).clearing_times.margin_cycles.isna().all()
 
 
+def test_what_is_stable_up_to_the_limit_has_no_critical_time():
+    """As a clearing time with the fleet says, and a margin there is none."""
+    case = st.load("wscc9").classical()
+    weak, near = (
+        st.Contingency("7", clear="9cyc", trip="5-7", impedance=0.5j),
+        st.Contingency("7", clear="6.5cyc", trip="5-7"),
+    )
+    found = st.place(case, [near, weak], observe="2s", candidates=[(2, 7)])
+    point = case.with_storage(found.storage()).initialize()
+    for row in found.contingencies:
+        own = point.clearing_time(row.contingency, control=st.BangBang(), observe="2s", longest=0)
+        assert (row.longest_cycles == 60) == (own.status == "stable_at_limit") == (row.critical_cycles is None)
+    assert found.contingencies[1].critical == "60 or more"
+    assert "60 or more" in str(found)
+    assert found.clearing_times.critical_cycles.isna().tolist() == [False, True]
+    assert found.clearing_times.margin_cycles.isna().tolist() == [False, True]
+    assert found.clearing_times.stable.all()
+    assert "<td>60 or more</td>" in siting_page.page(replace(found, candidates=(), history=())).html()
+
+
 def test_where_nothing_is_curable(case):
     with pytest.raises(StudyError, match=r"No fleet within the caps survives any of the contingencies. 29 trip"):
         study(case, HOPELESS)
@@ -222,6 +243,17 @@ def test_caps_are_kept(case):
     dispatch = study(case, NEAR_9, cap="20%dispatch")
     sent = {m.machine: m.p for m in case.machines}
     assert all(s.mw <= 0.2 * sent[s.machine] * 1.001 for s in dispatch.sites)
+
+
+def test_the_uniform_fleet_has_one_percentage_at_every_site_up_to_its_cap(case):
+    """Also with two sites of one machine, and a cap that is reached."""
+    places = [SiteOption(29, 9, cap=10.0), SiteOption(28, 9, cap=200.0), SiteOption(22, 6, cap=200.0)]
+    found = study(case, NEAR_9, candidates=places)
+    own = {m.machine: found.uniform_percent / 100 * m.base for m in case.machines}
+    assert [c.uniform_mw for c in found.candidates] == pytest.approx([10.0, own[9], own[6]])
+    assert found.uniform_mw == pytest.approx(10 + own[9] + own[6])
+    share = f"({found.uniform_percent:.2f} % of the machine's MVA at every candidate site, up to its cap)"
+    assert share in str(found)
 
 
 def test_some_caps_of_nothing(case):
@@ -303,12 +335,23 @@ def test_the_mva_of_converters_and_the_largest_current_are_those_of_the_fleet(ca
     assert free.mva == pytest.approx(free.mw / (0.8 * 1.11))
     assert (free.limited, free.set_by[:12]) == (False, "power rating")
     assert 0.8 < free.current / free.limit < 1  # 0.99
-    sized = case.with_storage(more.storage(storage_model="regc")).initialize()
+    sized = case.with_storage(more.storage()).initialize()
     run = sized.simulate(replace(NEAR_9, at=0.0), NEAR_9.clear + 2.0, control=BangBang())
     current = np.hypot(run.arrays.storage[:, 0], 0) / free.mva / np.abs(run.arrays.V[:, sized.net.place[29]])
     assert run.arrays.storage_current.max() == pytest.approx(free.current, rel=1e-9)
     assert current.max() == pytest.approx(free.current, rel=1e-3)
     assert free.worst == NEAR_9.label
+
+
+def test_the_devices_have_the_properties_that_they_were_sized_with():
+    """As if the sizes were typed in again beside the same properties; a run may still be asked for another one."""
+    case, fault = st.load("two_area"), st.Contingency("7-8@0.4", clear="22cyc")
+    device = {"characteristic": "conductance", "lag": "20ms", "efficiency": 0.9, "mva": "120%"}
+    found = st.place(case, fault, candidates=[(1, 5)], observe="2s", device=device)
+    (built,), (typed,) = found.storage(), case.with_storage({"1@5": f"{found.total_mw!r}MW"}, **device).storage
+    assert built._replace(mva=typed.mva) == typed
+    assert built.mva == pytest.approx(typed.mva)
+    assert found.storage(lag=0.0) == (built._replace(lag=0.0),)
 
 
 @pytest.mark.parametrize(

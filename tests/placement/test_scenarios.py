@@ -108,13 +108,27 @@ def test_an_outage_that_no_other_device_makes_up_for_is_said(case):
     assert "No fleet within the caps was found that survives 29 trip 26-29, without 9@29." in found.remarks()[0]
 
 
+def test_outages_of_what_is_not_built_are_no_scenarios():
+    """Also of a contingency that is lost with every fleet tried: its outages are those of the fleet."""
+    case = st.load("wscc9").classical()
+    hopeless, near = st.Contingency("8", clear="30cyc", trip="7-8"), st.Contingency("7", clear="6.5cyc", trip="5-7")
+    places = [(2, 7), (1, 4)]
+    found = place(case.with_storage({2: "20MW"}), [hopeless, near], candidates=places, outages=True, observe=2.0)
+    own = {f"{s.machine}@{s.bus}" for s in found.sites}
+    assert len(own) == 1
+    for one in (hopeless, near):
+        rows = [row for row in (*found.contingencies, *found.infeasible) if row.contingency == one]
+        assert sorted(row.out for row in rows) == sorted({"", "existing 2@7", *own})
+    assert f"scenarios of {len(found.contingencies) + len(found.infeasible)}," in found.remarks()[0]
+
+
 def test_an_existing_device_may_be_out_of_service_too(case, alone):
     own = case.with_storage({9: "60MW"})
     kept = place(own, [NEAR_9], candidates=[(9, 29)], observe=2.0)
     assert kept.sites == ()
     lost = place(own, [NEAR_9], candidates=[(9, 29)], outages=True, observe=2.0)
     assert lost.total_mw == pytest.approx(alone.total_mw, rel=2e-3)
-    assert {c.out for c in lost.contingencies} == {"", "9@29"}
+    assert sorted(c.out for c in lost.contingencies) == ["", "9@29", "existing 9@29"]
 
 
 def test_a_device_out_of_service_does_nothing_and_costs_no_second_run(case):

@@ -2,13 +2,14 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from reproduction import paper
 from stabctl._util.errors import StudyError
 from stabctl.theory.equal_area import critical_clearing, equal_area, simulated_critical_time
-from stabctl.theory.omib import OMIB, against_speed, bolted_fault, during_fault, swing_curve, table1
+from stabctl.theory.omib import OMIB, TIGHT, against_speed, bolted_fault, during_fault, stops, swing_curve, table1
 from stabctl.theory.phase_plane import energy, inside, portrait, potential, separatrix
 
 PAPER = OMIB()
@@ -46,6 +47,32 @@ def test_kinetic_energy_at_clearing_is_the_accelerating_area(m, part):
     area = equal_area(m, clearing)
     assert abs(area.A1 - m.M / 2 * speed**2) < 1e-12  # (11): 2e-16
     assert abs(area.A2 - area.A1) < 1e-12
+
+
+@given(machines(faults=True), st.floats(0.01, 0.99), st.floats(0, 3))
+@example(OMIB(Pm=0.5, X=0.5, Xpost=0.7), 0.003, 1.0)
+@settings(max_examples=30, deadline=None)
+def test_the_machine_stops_where_the_areas_are_equal(m, part, power):
+    """The clearing angle and the stop may be below the stable equilibrium after the fault."""
+    clearing = m.start + part * (m.unstable - m.start)
+    try:
+        area = equal_area(m, clearing, power * m.Pm)
+    except StudyError:  # the fault is so mild that the machine returns before
+        return
+    if not area.stable:
+        return
+
+    def rates(_t, y):
+        return y[1], (m.Pm - m.Pmax_post * np.sin(y[0]) - power * m.Pm) / m.M
+
+    def rest(_t, y):
+        return y[1]
+
+    stops(rest, -1)
+    state = clearing, math.sqrt(2 * area.A1 / m.M)
+    run = solve_ivp(rates, (0, 1e3 * math.sqrt(m.M / m.Pmax_post)), state, events=rest, **TIGHT)
+    assert run.status == 1
+    assert run.y[0, -1] == pytest.approx(area.stop, abs=1e-6)
 
 
 @given(machines(faults=True), st.floats(0, 2))
@@ -147,6 +174,8 @@ def test_impossible_machines_are_refused_in_one_sentence(wrong, says):
 
 
 def test_impossible_studies_are_refused():
+    with pytest.raises(StudyError, match=r"does not reach 2 rad during the fault"):
+        equal_area(OMIB(Xfault=1.5), 2.0)
     with pytest.raises(StudyError, match="however long"):
         critical_clearing(OMIB(Xfault=0.95))
     with pytest.raises(StudyError, match="at once"):

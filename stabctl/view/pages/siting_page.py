@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stabctl.placement.siting import Evidence, Siting, Survived
+from stabctl.placement.siting import Evidence, Siting
 
 from ..figures import one_line
 from ..figures import siting as figures
@@ -83,8 +83,8 @@ def _drawn(siting: Siting, base: "Case | OperatingPoint | None") -> Iterator[Fig
         yield figure(
             figures.plot(siting),
             "Ratings by site.",
-            "The uniform fleet has the same share of the MVA rating of every machine, the smallest share with which "
-            "all contingencies are stable.",
+            "The uniform fleet has the same share of the machine's MVA rating at every candidate site, up to its cap: "
+            "the smallest share that is sufficient.",
         )
 
 
@@ -178,7 +178,7 @@ def _contingencies(siting: Siting) -> Iterator[tuple[str, ...]]:
         yield (
             c.label,
             "" if c.target_cycles is None else f"{c.target_cycles:.3f}",
-            _critical(c),
+            c.critical,
             "unstable" if not c.stable else "" if c.margin_cycles is None else f"{c.margin_cycles:+.3f}",
             "yes" if c.binding else "",
             "" if c.machine is None else str(c.machine),
@@ -194,20 +194,16 @@ def _variation(siting: Siting, row: Evidence) -> dict[str, Any]:
         cells = [("stable" if stable else "unstable", stable) for stable in row.stable]
         return {"fleet": row.fleet, "mw": f"{row.mw:.1f}", "margins": cells}
     required = [c.target_cycles for c in siting.contingencies]
-    margins = [_margin(critical, target) for critical, target in zip(row.critical_cycles, required, strict=True)]
+    margins = map(_margin, row.critical_cycles, required, row.stable)
     return {"fleet": row.fleet, "mw": f"{row.mw:.1f}", "margins": list(zip(margins, row.stable, strict=True))}
 
 
-def _critical(c: Survived) -> str:
-    if c.target_cycles is None:
-        return ""
-    return "none" if c.critical_cycles is None else f"{c.critical_cycles:.3f}"
-
-
-def _margin(critical: float | None, required: float | None) -> str:
+def _margin(critical: float | None, required: float | None, stable: bool) -> str:
     if required is None:
         return ""
-    return "none" if critical is None else f"{round(critical - required, 3) + 0.0:+.3f}"
+    if critical is None:
+        return "stable" if stable else "none"
+    return f"{round(critical - required, 3) + 0.0:+.3f}"
 
 
 def _mw(value: float | None) -> str:

@@ -131,7 +131,6 @@ def test_converters_have_mva_and_what_sets_them(with_converters, plain):
     assert "reached at 1 of 2 sites, down to voltages of 0.75 pu, at which it allows 100 % of the MW" in text
     assert "The others have at least 10 % of the current to spare" in text
     assert not any("MVA set by" in said for said in (str(plain), siting_page.page(plain).html()))
-    assert with_converters.storage(storage_model="regc")[0].mva == 48
     assert list(with_converters.df.mva) == [48, 24]
     assert list(with_converters.df.columns[5:9]) == ["current", "limit", "voltage", "worst"]
 
@@ -168,8 +167,22 @@ def test_reservations_are_among_the_sentences(siting):
     infeasible, other, less = spared.reservations()
     assert other.endswith("10 % more at one site alone, the fleet is not sufficient for 1 of 1 site: 3@103 loses <9>.")
     assert infeasible.startswith("Not survived: 3 at 18.00 cycles: none of the 35 fleets")
-    assert less == "The fleet without 31@131 survives every contingency too, so a smaller fleet is possible."
+    assert less == "The fleet without 31@131 survives every other contingency too, so a smaller fleet is possible."
     assert spared.remarks()[-3:] == (infeasible, other, less)
+
+
+def test_what_survives_all_but_what_is_lost_survives_every_other_contingency(siting):
+    """Where one is lost with every fleet tried, nothing survives every contingency."""
+    every, refined = (True, True), Evidence(60.0, (12.25, 7.5), (True, True), refined=True)
+    held = (refined, Evidence(54.0, (), every, scale=0.9), Evidence(64.0, (), every, scale=1.1, site="3@103"))
+    some = replace(siting, uniform_mw=0.0, evidence=held)
+    for one, words in (
+        (some, "survives every other contingency"),
+        (replace(some, infeasible=()), "survives every contingency"),
+    ):
+        said = [remark for remark in one.remarks() if "survives every" in remark]
+        assert len(said) == 4
+        assert all(words in remark for remark in said)
 
 
 def test_labels_of_the_figures_stand_apart(siting):
@@ -250,8 +263,6 @@ def test_a_siting_is_a_table_and_saves_itself(siting, tmp_path):
     assert siting.save(tmp_path / "sites.csv").read_text().splitlines()[1].startswith("103,3,40.0")
     assert siting.report(tmp_path / "new").name == "some_place.html"
     assert "the cuts allow" in siting._repr_html_()
-    devices = [(s.machine, s.bus, s.rating, s.lag) for s in siting.storage(lag=0.1)]
-    assert devices == [(3, 103, 40.0, 0.1), (31, 131, 20.0, 0.1)]
 
 
 def test_the_percentages_are_those_of_the_record(plain):
