@@ -74,6 +74,6 @@ def test_a_long_search_says_how_long_after_the_first_runs(monkeypatch, capsys):
     now = [0.0]
     monkeypatch.setattr(shared.time, "monotonic", lambda: now[0])
     with shared.progress("screening", 1.0) as tell:
-        for now[0], done in ((0.5, 0.1), (8.5, 0.12), (9.0, 0.13)):  # what a store has comes at once
+        for now[0], done in ((0.5, 0.5), (8.5, 0.54), (9.0, 0.55)):  # what a store has comes at once
             tell(done)
-    assert capsys.readouterr().err == "stabctl: screening: 12 % after 8 s, about 6 min left\n"
+    assert capsys.readouterr().err == "stabctl: screening: 54 % after 8 s, about 92 s left\n"
