@@ -23,6 +23,7 @@ program is well scaled.
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import NamedTuple
 
 import cvxpy as cp
@@ -44,6 +45,7 @@ RISE = 5e-4  # of the cost, by which what the cuts allow must rise for another v
 ITERATIONS = 40
 FINAL = 1e-4  # relative width of the last scaling
 SAME = 1e-3  # of the largest size: fleets on a boundary that are closer count as one
+FIRM = 1.0, 1.001, 1.002, 1.003, 1.005  # multiples of the final fleet that survive too
 MORE = 1.0, 1.001, 1.002, 1.005, 1.01, 1.02, 1.05, 1.1  # multiples tried when rounded sizes do not survive
 SLACK = 1e3  # rho, relative to the largest cost of a cap
 NOTHING = 1e-6  # of a cap
@@ -386,11 +388,15 @@ class CuttingPlanes:
             self.accept(fleet)
 
     def _round(self) -> None:
-        """Round the best fleet and its energies up to the digits that are printed; the fleet still survives."""
+        """Round the best fleet and its energies up to the digits that are printed; the fleet still survives.
+
+        So do slightly larger ones, if possible: at the very boundary survival depends on the rounding of a simulation.
+        """
         assert self.best is not None
         digits = decimals(self.trials.cap)
-        fleets = (up(self.master.built(more * self.best), digits) for more in MORE)
-        found = next((mw for mw in map(self.trials.fleet, fleets) if self.trials.all_survived(mw)), self.best)
+        fleets = [self.trials.fleet(up(self.master.built(more * self.best), digits)) for more in MORE]
+        firm = (mw for mw in fleets if all(self.trials.all_survived(more * mw) for more in FIRM))
+        found = next(chain(firm, filter(self.trials.all_survived, fleets)), self.best)
         self.energy = up(energies(self.trials, found), digits + 2)
         self.take(found, self.energy)
 

@@ -10,7 +10,7 @@ from stabctl._util.errors import LinearizationError, StudyError
 
 from ._allocation import Objective, allocate, gramians
 from ._cutting_planes import CuttingPlanes, Master
-from ._scaling import along, critical_scaling, largest_scaling, least_scaling
+from ._scaling import SCAN, along, critical_scaling, largest_scaling, least_scaling
 from .contingencies import Scenario
 from .site_options import Prices
 from .siting import Infeasible
@@ -18,6 +18,7 @@ from .trials import Trials
 
 BUDGET = 0.5  # of the uniform fleet, for the linear allocation
 FINE = 1e-3  # relative width of the last scaling of the uniform fleet
+PARTS = SCAN ** -np.arange(7.0)  # of a fleet: 1 to 0.26
 SHOWN = 3  # contingencies that a message names
 
 
@@ -96,17 +97,39 @@ def linear_fleet(search: CuttingPlanes, uniform: np.ndarray) -> np.ndarray | Non
             mw = allocate(found, budget, trials.cap, objective).sizes
         except StudyError:
             continue
-        enough = trials.all_survived(largest_scaling(trials, mw) * mw)
-        scaled = least_scaling(trials, mw) if enough else None
-        if scaled:
-            search.cut_along(mw, scaled)
-            fleet = trials.fleet(scaled.scaling * mw)
-            out = fleet if out is None or search.master.cost(fleet) < search.master.cost(out) else out
+        fleet = _scaled_down(search, largest_scaling(trials, mw) * mw)
+        if fleet is not None and (out is None or search.master.cost(fleet) < search.master.cost(out)):
+            out = fleet
     return out
 
 
+def single_fleets(search: CuttingPlanes) -> None:
+    """Start from each candidate alone that survives everything at the cost so far or less. Adds cuts there.
+
+    Nothing leads there from fleets at several sites where those between survive less.
+    """
+    for i in range(len(search.trials.cap)):
+        alone = np.where(np.arange(len(search.trials.cap)) == i, search.trials.cap, 0.0)
+        most = min(search.prices.affordable(alone, search.cost), 1.0)
+        fleet = _scaled_down(search, most * alone)
+        if fleet is not None and (whole := search.buildable(fleet)) is not None:
+            search.accept(whole)
+
+
+def _scaled_down(search: CuttingPlanes, mw: np.ndarray) -> np.ndarray | None:
+    """The smallest multiple of a fleet (candidates, MW), at most itself, that survives everything. Adds cuts there.
+
+    Survival is not monotone in size: from the first of some parts that survives. None if none does.
+    """
+    start = next((part * mw for part in PARTS if mw.any() and search.trials.all_survived(part * mw)), None)
+    if start is None or (scaled := least_scaling(search.trials, start)) is None:
+        return None
+    search.cut_along(start, scaled)
+    return search.trials.fleet(scaled.scaling * start)
+
+
 def relaxed_fleets(search: CuttingPlanes) -> None:
-    """Start from the fleet without costs of sites and MWh, limit and modules, its largest devices, and each alone.
+    """Start from the fleet without costs of sites and MWh, limit and modules, and from its largest devices.
 
     Adds cuts there. Does nothing without a limit of sites and such costs: whole modules are found near the plans.
     """
@@ -122,7 +145,7 @@ def relaxed_fleets(search: CuttingPlanes) -> None:
     if free.best is None:
         return
     devices = [int(i) for i in np.argsort(-free.best) if free.best[i] > 0]
-    for built in (*(devices[:n] for n in range(len(devices), 0, -1)), *([i] for i in devices[1:])):
+    for built in (devices[:n] for n in range(len(devices), 1, -1)):
         mw = np.where(np.isin(np.arange(len(none)), built), free.best, 0.0)
         mw *= free.best.sum() / mw.sum()
         most = prices.affordable(mw, search.cost)

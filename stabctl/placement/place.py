@@ -236,6 +236,7 @@ def _searched(study: _Study, runner: Runner, progress: Callable[[int, float], No
     for start in (even, linear):
         if start is not None and (whole := planes.buildable(start)) is not None:
             planes.accept(whole)
+    _initial_fleets.single_fleets(planes)
     _initial_fleets.relaxed_fleets(planes)
     planes.run()
     if study.tolerance is not None:

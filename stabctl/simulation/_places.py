@@ -75,6 +75,7 @@ class Places(NamedTuple):
     watch_bus: np.ndarray  # (loads) rows of their buses
     watch_low: np.ndarray  # (loads) pu   voltages below which they count as lost
     held: np.ndarray  # (held) what laws and gates write: orders, then whether a gate is open; constant over a part
+    acting: np.ndarray  # rows of `held` that change a power: gates, and orders of devices with a rating
     order: np.ndarray  # (storage devices) what they read their orders from, in the order of the case's table
     begun: int  # the first order at the beginning of the step, or of its part; then come those wanted there
     wanted: np.ndarray  # (storage devices) orders that the law wants
@@ -94,6 +95,7 @@ def places(
     held: np.ndarray,
     order: np.ndarray,
     *,
+    acting: np.ndarray,
     begun: int,
     wanted: np.ndarray,
     own: np.ndarray,
@@ -118,6 +120,8 @@ def places(
         Places that laws and gates write.
     order
         Places that the storage devices read their orders from.
+    acting
+        Rows of `held` that change a power.
     begun
         First place of the orders at the beginning of a step, and of those wanted there.
     wanted
@@ -148,7 +152,7 @@ def places(
         np.ones(len(rotors.unit), bool),
         others.column("place"), others.column("unit"), others.column("bus"), first, member, owner,
         limits.state, limits.low, limits.high, limits.scale,
-        system.draw_bus, system.near_bus, system.watch_bus, system.watch_low, held.astype(np.int64), order,
+        system.draw_bus, system.near_bus, system.watch_bus, system.watch_low, held.astype(np.int64), acting, order,
         begun, wanted, own.astype(np.int64), limits.stops, gated, relay, follows, inertial, abrupt,
     )  # fmt: skip
 
@@ -156,7 +160,7 @@ def places(
 def with_ratings(made: Places, system: System, **how: Any) -> Places:
     """The places for a system with other ratings, and thus other limits; without a rating no angle is judged.
 
-    `how` is `relay`, `follows`, `inertial` and `abrupt`.
+    `how` is `acting`, `relay`, `follows`, `inertial` and `abrupt`.
     """
     limits, others = system.limits, system.unweighted
     place, unit, bus = (others.column(name) for name in ("place", "unit", "bus"))

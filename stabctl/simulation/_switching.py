@@ -52,7 +52,7 @@ def act(program, places, net, run, due):
     store_orders(0, places, run)
     perform(program.step, program.w, program.k, run.s, run.f, net.island)
     changed = False
-    for j in range(len(places.held)):
+    for j in places.acting:
         changed |= run.orders[0, j] != run.s[places.held[j]]
     return changed
 

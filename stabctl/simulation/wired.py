@@ -116,7 +116,7 @@ def _wired(point: OperatingPoint, control: Law | None, rates: tuple[int, ...], g
         "own": _own(point),
         "groups": _groups(point, control),
     }
-    how |= {"gated": bool(gates), **_switches(families, control)}
+    how |= {"gated": bool(gates), "acting": _acting(point.case, len(held)), **_switches(families, control)}
     made = places(point.system, layout, memory.relative, held, esd.order, **how)
     return Wired(program(families), families, layout, made, memory.orders, rates, start, point.system.kept)
 
@@ -129,7 +129,8 @@ def _with_constants(system: Wired, point: OperatingPoint, control: Law | None) -
     k = np.concatenate([np.zeros(0), *(f.k.ravel() for f in families)])
     start = system.start.copy()
     start[: system.layout.first_memory] = point.s[: system.layout.first_memory]
-    made = with_ratings(system.places, point.system, **_switches(families, control))
+    acting = _acting(point.case, len(system.places.held))
+    made = with_ratings(system.places, point.system, acting=acting, **_switches(families, control))
     return replace(system, program=system.program._replace(k=k), families=families, places=made, start=start)
 
 
@@ -139,6 +140,11 @@ def orders_of(layout: Layout, case: Case) -> np.ndarray:
     out = np.empty(len(found), np.int64)
     out[storage.by_table(case)] = found
     return layout.first_setpoint + out
+
+
+def _acting(case: Case, held: int) -> np.ndarray:
+    """Rows of what is held that change a power: not the orders of devices without a rating, which divide no step."""
+    return np.array([j for j in range(held) if j >= len(case.storage) or case.storage[j].rating > 0], np.int64)
 
 
 def _memory(point: OperatingPoint, control: Law | None) -> Memory:

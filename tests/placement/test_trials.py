@@ -71,6 +71,19 @@ def test_a_trial_is_a_simulation_from_scratch(case, point, trials):
             assert trials.survives(mw, k) == ran.outcome.stable == (share > 0)
 
 
+def test_a_device_without_size_is_none(case, trials):
+    """Its order switches, which divides no step: the same steps as those of whoever builds the others only."""
+    mw = np.where(np.isin(np.arange(10), [0, 5, 8]), [s.rating for s in case.storage], 0.0) / 2
+    one = replace(TO_SURVIVE[2], at=0.0)
+    tried = run(trials.point.resized(mw), one, 2.0, BangBang())
+    built = case.with_storage(s._replace(rating=s.rating / 2) for s, size in zip(case.storage, mw, strict=True) if size)
+    ran = run(operating_point.solve(built), one, 2.0, BangBang())
+    differ = np.abs(ran.arrays.speed - tried.arrays.speed).max(axis=1)
+    assert np.array_equal(ran.time, tried.time)
+    assert differ[-1] < 3e-6  # 6e-7, as instants are found to 1e-6 of a step; 5e-5 if these orders divided steps
+    assert np.ptp(tried.arrays.order[:, mw == 0], axis=0).max() == 2
+
+
 def test_a_question_is_simulated_once(point, trials):
     mw = _sizes(point, 0.05)
     assert trials.lost(mw) == trials.lost(mw) == trials.lost(mw + 1e-8) == []
