@@ -53,7 +53,7 @@ def record(found: Siting) -> dict[str, Any]:
         "total_mw": found.total_mw,
         "sites": len(found.sites),
         "cuts_mw": found.cuts_mw,
-        "refined": next(row.scale for row in found.evidence if row.refined),
+        "refined": next(row.scale for row in found.evidence if row.refined and not row.lost),
     }
 
 

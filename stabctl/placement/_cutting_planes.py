@@ -46,6 +46,7 @@ ITERATIONS = 40
 FINAL = 1e-4  # relative width of the last scaling
 SAME = 1e-3  # of the largest size: fleets on a boundary that are closer count as one
 FIRM = 1.0, 1.001, 1.002, 1.003, 1.005  # multiples of the final fleet that survive too
+LITTLE = 1.01  # times the best fleet, at most, for that
 MORE = 1.0, 1.001, 1.002, 1.005, 1.01, 1.02, 1.05, 1.1  # multiples tried when rounded sizes do not survive
 SLACK = 1e3  # rho, relative to the largest cost of a cap
 NOTHING = 1e-6  # of a cap
@@ -395,7 +396,8 @@ class CuttingPlanes:
         assert self.best is not None
         digits = decimals(self.trials.cap)
         fleets = [self.trials.fleet(up(self.master.built(more * self.best), digits)) for more in MORE]
-        firm = (mw for mw in fleets if all(self.trials.all_survived(more * mw) for more in FIRM))
+        near = (mw for mw in fleets if mw.sum() <= LITTLE * self.best.sum())
+        firm = (mw for mw in near if all(self.trials.all_survived(more * mw) for more in FIRM))
         found = next(chain(firm, filter(self.trials.all_survived, fleets)), self.best)
         self.energy = up(energies(self.trials, found), digits + 2)
         self.take(found, self.energy)
