@@ -4,6 +4,7 @@ A script runs its study with `present`, which keeps the records in a JSON file. 
 until the code changes, so that an interrupted study continues where it ended.
 """
 
+import argparse
 import hashlib
 import json
 import os
@@ -103,13 +104,11 @@ def draw(drawn: "Figure | Axes", path: Path, title: str, *, alt: str, caption: s
 
 
 def present(study: Callable[[Path], Study | Iterable[Study]]) -> None:
-    """Run the study of the current script.
-
-    The folder of the reports is the first argument of the script; default: reports/. An error is one line on stderr and
-    exit code 2.
-    """
+    """Run the study of the current script: SCRIPT [REPORTS]. An error is one line on stderr and exit code 2."""
     os.environ.setdefault("MPLBACKEND", "agg")
-    script, folder = Path(sys.argv[0]), Path(sys.argv[1] if len(sys.argv) > 1 else "reports")
+    parser = argparse.ArgumentParser(description=sys.modules["__main__"].__doc__)
+    parser.add_argument("reports", nargs="?", type=Path, default=Path("reports"), help="folder of the results")
+    script, folder = Path(sys.argv[0]), parser.parse_args().reports
     try:
         folder.mkdir(parents=True, exist_ok=True)
         found = study(folder)
