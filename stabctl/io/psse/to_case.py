@@ -106,8 +106,8 @@ def read(
     file = raw.read(Path(raw_path))
     net = network.read(file)
     network.read_transformers(net)
-    sources = network.read_generators(net)
     network.read_dc_lines(net)
+    sources = network.read_generators(net)
     apart = net.settle_islands(str(raw_path))
     if not net.rows["machines"]:
         raise CaseError(f"{raw_path}: no generator in service is connected to a swing bus; a case needs one.")
