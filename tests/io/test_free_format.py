@@ -70,6 +70,21 @@ def test_a_section_ends_at_a_record_of_zeros(tmp_path, end):
     assert found.of("load")[0][0].PL == 180.0
 
 
+@pytest.mark.parametrize("text", ["0", "0 / END", "0 / END OF DATA", "0 / end of section"])
+def test_the_same_comment_may_be_behind_every_end_record(tmp_path, text):
+    """Also where sections are empty, one after the other."""
+    shunt = "5,1,0,1,1.05,0.95,0,100.0,' ',40.0,1,40.0"
+    (tmp_path / "y.raw").write_text(f"{HEAD}{BUS}\n" + f"{text}\n" * 16 + f"{shunt}\n{text}\n")
+    found = raw.read(tmp_path / "y.raw")
+    assert [(s.I, s.BINIT) for s, _ in found.of("switched_shunt")] == [(5, 40.0)]
+
+
+def test_a_second_record_that_begins_the_same_section_is_passed_over(tmp_path):
+    begin = "0 / END OF BUS DATA, BEGIN LOAD DATA\n"
+    (tmp_path / "y.raw").write_text(f"{HEAD}{BUS}\n{begin}{begin}5,'1',1,1,1,180.0,40.0\n0\n")
+    assert len(raw.read(tmp_path / "y.raw").of("load")) == 1
+
+
 def test_a_line_of_zeros_within_a_record_belongs_to_it(tmp_path):
     sections = f"{HEAD}{BUS}\n6,'B',138.0,1\n" + "0\n" * 5
     windings = "5,6,0,'1',1,1,1,0,0,2,'T',1\n0,0,0\n1.0\n1.0\n0,\n"

@@ -124,13 +124,13 @@ def _version(path: Path, rest: list[tuple[int, str]]) -> int:
 def _section(raw: Raw, section: str, texts: Iterator[tuple[Place, str]], before: str) -> str | None:
     """Read a section up to its end record, which it returns; None at the end of the file.
 
-    A copy of the record `before` that ended the section before, with its titles, is passed over.
+    No section begins twice: a copy of the record `before` that says which one it begins is passed over.
     """
     found = raw.sections.setdefault(section, [])
     tables = section == "impedance_correction"  # whose records may continue with a line of zeros
     for place, text in texts:
         if _END.match(text) or (_ZEROS.match(text) and not tables):
-            if text.strip() == before and "END" in before.upper():
+            if text.strip() == before and "BEGIN" in before.upper():
                 continue
             return text.strip()
         if _QUIT.match(text):
