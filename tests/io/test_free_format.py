@@ -41,6 +41,13 @@ def test_all_records_of_a_line_are_read(tmp_path, text):
     assert records(tmp_path, text) == expected
 
 
+@pytest.mark.parametrize("out", ["/", "//", " / ", "/ left out: "])
+def test_a_line_that_begins_with_a_slash_is_a_comment(tmp_path, out):
+    """Unless it ends a record that began on a line before."""
+    first = "1,'GENCLS',1,3.0\n/ 3,'GENCLS',1,4.0,0.0/"
+    assert [r[1] for r in records(tmp_path, f"{first}\n{out}2 'GENCLS' 1 4.0 0.0 /\n")] == [1, 3]
+
+
 def test_a_comma_at_the_begin_of_a_line_belongs_to_the_field_before(tmp_path):
     expected = [(1, 1, "GENCLS", "1", ("3.0", "", "0.5"))]
     assert records(tmp_path, "1,'GENCLS'\n,1,3.0,\n , 0.5 / ") == expected

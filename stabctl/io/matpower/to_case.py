@@ -206,7 +206,10 @@ def _generators(net: Network) -> None:
         if g.PMIN < 0 and g.PMAX == 0:
             if g.PG or g.QG:
                 net.add("loads", Load(g.GEN_BUS, -g.PG, -g.QG, 1.0, 1.0, v_low=POWER_LOW, id=f"G{id}"), place)
-            net.corrections.append(f"{place}: the dispatchable load at bus {g.GEN_BUS} is a constant-power load.")
+            said = f"the dispatchable load at bus {g.GEN_BUS} is a constant-power load"
+            if net.bus(g.GEN_BUS).kind != "pq":
+                said += "; in MATPOWER it also holds the voltage of the bus, at VG"
+            net.corrections.append(f"{place}: {said}.")
             continue
         number = net.new_number() if at[g.GEN_BUS] else g.GEN_BUS
         base = g.MBASE if g.MBASE > 0 else net.file.base_mva
