@@ -55,9 +55,9 @@ class Record(NamedTuple):
 def read(path: Path) -> list[Record]:
     """The records of a DYR file. Raises `CaseError` with the line for the first that cannot be read.
 
-    A slash ends a record, or begins a comment where there is none; the rest of the line is a comment, or begins with another record. It does if it begins with a
-    bus number, a kind in quotes and an ID, or if a slash ends it, it has four words or more, and begins with a bus
-    number or a name in quotes and a kind in quotes or capitals.
+    A slash ends a record, or begins a comment where there is none; the rest of the line is a comment, or begins with
+    another record. It does if it begins with a bus number, a kind in quotes and an ID, or if a slash ends it, it has
+    four words or more, and begins with a bus number or a name in quotes and a kind in quotes or capitals.
     """
     found: list[Record] = []
     fields: list[str] = []

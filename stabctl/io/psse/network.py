@@ -19,7 +19,7 @@ from stabctl.model.tables import Branch, Bus, Load, Machine
 
 from .._lexer import Place
 from .._table_builder import ISOLATED, KINDS, SAME_VOLTAGE, TableBuilder
-from .raw import DcLineRecord, Raw, TransformerRecord
+from .raw import DcLineRecord, Raw, TransformerRecord, Unmodeled
 from .records import Converter
 
 OUT = {0: (1, 2, 3), 1: (), 2: (2,), 3: (3,), 4: (1,)}  # STAT -> windings out of service
@@ -231,9 +231,9 @@ def read_transformers(net: Network) -> None:
                 choices = ", ".join(map(str, allowed))
                 raise place.error(f"{code} is not allowed; it must be one of {choices}.", name)
         for w in t.windings:
-            if w.TAB:
-                net.corrections.append(
-                    f"{place}: the impedance correction table {w.TAB} is not used; the impedance is the nominal one."
+            if w.TAB and t.head.STAT:
+                net.raw.unmodeled.append(
+                    Unmodeled(f"impedance correction table {w.TAB}", f"{t.head.I}-{t.head.J}", place)
                 )
         (_three_windings if t.head.K else _two_windings)(net, t, place)
 
