@@ -299,6 +299,38 @@ def test_where_a_machine_differs_from_that_of_pst_is_said(written, row, said):
     assert machine(written)[1] == []
 
 
+def dc_exciter(written, KE="1", high="10 -10", points="3.9 0.07 5.2 0.91"):
+    """The import report of the system with a DC exciter of these constants at machine 1."""
+    text = SMALL.replace("0 1 0.01 200 0.05 0 0 5 -5", f"1 1 0.01 40 0.02 0 0 {high} {KE} 0.785 {points} 0.03 1.0")
+    return import_report(written(text.replace("; 0 2 0 100 0.05 0 0 5 -5]", "]")), check=False)
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ({"KE": "0"}, "KE = 0: computed at the start so that the regulator is at a tenth of VRMAX, as in PSS/E"),
+        ({"high": "0 0"}, "VRMAX = 0: computed from saturation as 9.932, VRMIN as its negative, as in PSS/E"),
+    ],
+)
+def test_what_a_dc_exciter_leaves_to_be_computed_is_said(written, row, said):
+    report = dc_exciter(written, **row)
+    assert any(f"machine 1: {said}, not as in PST." in one for one in report.corrections)
+    assert not any("as in PSS/E" in one for one in dc_exciter(written).corrections)
+    assert report.case.initialize().modes().stable
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ({"points": "0 0.0039 0 1.555"}, "give it at two field voltages (columns 12 to 15)"),
+        ({"high": "0 0", "points": "0 0 0 0"}, "there is no saturation at E2; give VRMAX"),
+    ],
+)
+def test_a_dc_exciter_without_a_model_is_named_with_what_to_do(written, row, said):
+    (one,) = dc_exciter(written, **row).unsupported
+    assert (one.kind, one.owner, said in one.reason) == ("exc_con", "machine 1", True)
+
+
 def test_a_classical_machine_has_no_resistance_as_in_pst(written):
     case = st.load(written(SMALL.replace("0.15 0 1.8 0.3 0.25 8 0.03...", "0.15 0.02 0 0.3 0.25 8 0.03...")))
     assert case.devices["gencls"][1].ra == 0

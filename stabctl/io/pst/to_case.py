@@ -7,7 +7,7 @@ machine. Reactances of infinite buses (ibus_con) are those behind which their ma
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ import numpy as np
 from stabctl._util.errors import CaseError, shown
 from stabctl._util.units import quantity
 from stabctl._util.validation import checks_arguments
+from stabctl.devices.exciters import dc
 from stabctl.model import tables as model_tables
 from stabctl.model.case import Case
 from stabctl.model.tables import Branch, Bus, Load, Machine
@@ -316,7 +317,7 @@ class Control(NamedTuple):
 
     model: str
     values: dict[str, float]
-    said: tuple[str, ...] = ()
+    said: Sequence[str] = ()
 
 
 def _exciter(e: list[float]) -> Control | str:
@@ -327,10 +328,17 @@ def _exciter(e: list[float]) -> Control | str:
         return Control("sexs", {**first, "TB": TB, "TC": TC, "Efdmax": high, "Efdmin": low})
     if kind in (1, 2):
         KE, TE, E1, SE1, E2, SE2, KF, TF = e[9:17]
+        if E2 == 0 and (SE1 or SE2):
+            return "saturation as Asat and Bsat is not modeled; give it at two field voltages (columns 12 to 15)"
         (E1, SE1), (E2, SE2) = sorted([(E1, SE1), (E2, SE2)])
         more = {"VRmax": high, "VRmin": low, "KE": KE, "TE": TE, "KF": KF, "TF": TF}
         more |= {"E1": E1, "SE1": SE1, "E2": E2, "SE2": SE2}
-        said = ("its saturation is quadratic through the two points, in PST exponential.",) if SE1 or SE2 else ()
+        said = ["its saturation is quadratic through the two points, in PST exponential."] if SE1 or SE2 else []
+        try:
+            more, computed = dc.computed(more)
+        except ValueError as error:
+            return str(error).rstrip(".")
+        said += [f"{one.rstrip('.')}, as in PSS/E, not as in PST." for one in computed]
         if kind == 1 and not (TB or TC):
             return Control("ieeet1", {**first, **more}, said)
         return Control("exdc2" if kind == 2 else "esdc1a", {**first, **more, "TB": TB, "TC": TC}, said)
