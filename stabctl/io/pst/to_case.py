@@ -211,9 +211,10 @@ class _Reader:
         if number in self.infinite:
             self._device("gencls", number, place, H=0.0, D=0.0, ra=ra, x1d=x2d or x1d or xd)
         elif xd == 0 or (x2d == 0 and T1d == 0):
-            if ra:
+            if ra and xd == 0:
                 self._said(place, f"machine {number} is classical; its resistance of {ra:g} pu is left out, as in PST.")
-            self._device("gencls", number, place, H=H, D=D, ra=0.0, x1d=x1d)
+                ra = 0.0
+            self._device("gencls", number, place, H=H, D=D, ra=ra, x1d=x1d)
         else:
             circuits = {"T2d": T2d, "T2q": T2q, "x2": x2d} if x2d and T2d else {}
             changed = []
