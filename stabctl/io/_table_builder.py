@@ -1,7 +1,7 @@
 """Tables of a case while a reader fills them, each row with its place in the file."""
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
@@ -11,14 +11,18 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from stabctl._util.errors import CaseError
+from stabctl.model import powerflow
 from stabctl.model.case import Case
 from stabctl.model.checks import RowError
-from stabctl.model.tables import Branch, Bus
+from stabctl.model.tables import Branch, Bus, Tables
 
 KINDS: dict[int, Literal["pq", "pv", "swing"]] = {1: "pq", 2: "pv", 3: "swing"}
 ISOLATED = 4
 NO_IMPEDANCE = 1e-5  # pu on 100 MVA   reactance given to a branch without impedance
 POWER_LOW = 0.7  # pu   voltage below which PSS/E changes constant-power loads (PQBRAK)
+AT_LIMIT = 0.01  # Mvar   distance from a reactive limit
+SAME_VOLTAGE = 1e-4  # pu   distance of the stored voltage from the set-point
+SOLVED = 0.01  # pu   power missing at a bus whose stored voltage is a solution
 SHOWN = 5  # buses in a sentence
 
 
@@ -31,11 +35,14 @@ class TableBuilder:
         Rows of every table, and the place of each in the file.
     corrections : list of str
         What was changed, one sentence each.
+    base_mva : float, MVA
+        Base of the system.
     no_impedance : float, pu
         Reactance given to such a branch.
     """
 
     def __init__(self, base_mva: float) -> None:
+        self.base_mva = base_mva
         self.no_impedance = NO_IMPEDANCE * base_mva / 100
         self.rows: dict[str, list[Any]] = {"buses": [], "branches": [], "machines": [], "loads": []}
         self.places: dict[str, list[Any]] = {table: [] for table in self.rows}
@@ -77,6 +84,39 @@ class TableBuilder:
             self.corrections.append(f"{place}: {name} has no impedance and gets x = {self.no_impedance:g} pu.")
             branch = branch._replace(x=self.no_impedance)
         self.add("branches", branch, place)
+
+    def drawn(self) -> np.ndarray:
+        """Power (MVA) that the network and the loads draw from every bus at the stored voltages."""
+        buses, branches, loads = (tuple(self.rows[table]) for table in ("buses", "branches", "loads"))
+        network = Tables("", buses, branches, (), {}, loads, base_mva=self.base_mva)
+        return powerflow.at_stored_voltages(network)[1] * self.base_mva
+
+    def limited(self, bus: Bus, held: float, units: Sequence[tuple[complex, float, float]], drawn: complex) -> bool:
+        """Whether reactive limits keep the generators of a bus from holding a voltage (pu).
+
+        They do if the stored voltage is above it while all produce their least Mvar, or below it while all produce
+        their most, and if it is part of a solution: their power is what is drawn from the bus.
+
+        Parameters
+        ----------
+        bus, held
+            The bus, and the voltage.
+        units
+            Of every generator, what it produces (MVA), and its least and most Mvar.
+        drawn
+            What the network and the loads draw from the bus (MVA).
+        """
+        least = all(abs(S.imag - low) <= AT_LIMIT for S, low, _ in units)
+        most = all(abs(S.imag - high) <= AT_LIMIT for S, _, high in units)
+        beyond = (least and bus.v > held + SAME_VOLTAGE) or (most and bus.v < held - SAME_VOLTAGE)
+        solved = abs(drawn - sum(S for S, _, _ in units)) <= SOLVED * self.base_mva
+        return bus.kind == "pv" and beyond and solved
+
+    def fix(self, bus: int, noun: str, place: Any) -> None:
+        """Make a bus whose generators are limited a pq bus."""
+        self.change(bus, kind="pq")
+        text = "at their reactive limit in the stored solution, so their reactive power is fixed."
+        self.corrections.append(f"{place}: the {noun} at bus {bus} are {text}")
 
     def leave_out(self, buses: set[int]) -> None:
         """Remove buses with everything at them."""

@@ -62,6 +62,8 @@ class ImportReport(Tabular):
         The start of the dynamic models; None without a DYR file, or if there is none.
     unusual : UnusualData
         Data outside the usual ranges.
+    idle : tuple of str
+        Controls and limits of a RAW file that do not act in the power flow, with their lines.
     failures : tuple of str
         Why a check has no result, one sentence each.
 
@@ -81,13 +83,14 @@ class ImportReport(Tabular):
     stored: Stored | None = None
     flow: FlowDifference | None = None
     start: InitialState | None = None
+    idle: tuple[str, ...] = ()
     failures: tuple[str, ...] = ()
 
     report = verb("stabctl.view.pages.pattern:report")
 
     @property
     def complete(self) -> bool:
-        """Whether every record of the files is represented."""
+        """Whether all that is in service and connected to a swing bus is represented."""
         return not self.unsupported
 
     @property
@@ -121,6 +124,7 @@ class ImportReport(Tabular):
                 for u in self.unsupported
             ],
             "corrections": list(self.corrections),
+            "idle": list(self.idle),
             "unusual": self.unusual.plain()["unusual"],
             "mismatch_mw": stored and stored.mw,
             "mismatch_mvar": stored and stored.mvar,
@@ -202,7 +206,8 @@ def import_report(
     case = read.case.with_loads(loads) if loads is not None else read.case
     case = case.with_conventions(conventions) if conventions is not None else case
     files = tuple(Path(path) for path in (raw, dyr) if path is not None)
-    report = ImportReport(case, files, kinds, read.unsupported, read.corrections, case.check())
+    idle = read.idle if isinstance(read, psse.Import) else ()
+    report = ImportReport(case, files, kinds, read.unsupported, read.corrections, case.check(), idle=idle)
     return _checked(report) if check else report
 
 
@@ -239,6 +244,7 @@ def page(report: ImportReport) -> str:
         list(_kinds(report)),
         complete,
         _section("Not supported", unsupported(report)),
+        _section("Without effect on the power flow", report.idle),
         _section("Corrections", corrections(report)),
         [*checked, *(line for sentence in report.failures for line in textwrap.wrap(sentence, LONGEST))],
     ]
@@ -281,7 +287,7 @@ def completeness(report: ImportReport) -> Iterator[str]:
         missed = ": no DYR file was given or found" if report.files[0].suffix.lower() == ".raw" else ""
         yield f"There are no dynamic models, only power-flow data{missed}."
     if report.complete:
-        yield "The import is complete: all data of the network and of its dynamic models are represented."
+        yield "The import is complete: all that is in service and connected to a swing bus is represented."
     else:
         yield "The import is incomplete: some data of the files are not represented."
     if report.stored and not report.complete and report.files[0].suffix.lower() == ".raw":

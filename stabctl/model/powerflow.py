@@ -17,6 +17,7 @@ from stabctl.devices.loads import zip_load
 
 from . import naming, network
 from .case import Case, as_case
+from .tables import Tables
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -205,7 +206,7 @@ class Demand(NamedTuple):
         return self.s0 + self.s1 * size + self.s2 * size**2
 
 
-def demands(case: Case) -> Demand:
+def demands(case: Tables) -> Demand:
     """What loads and HVDC terminals draw; a load depends on the voltage if its row gives that of its p and q."""
     place = case.row_of_bus
     S = Demand(*np.zeros((3, len(case.buses)), complex))
@@ -219,12 +220,12 @@ def demands(case: Case) -> Demand:
     return S
 
 
-def demand(case: Case, size: np.ndarray | None = None) -> np.ndarray:
+def demand(case: Tables, size: np.ndarray | None = None) -> np.ndarray:
     """Power (buses, complex, pu) drawn by loads and HVDC terminals at voltages of this size, or of the bus table."""
     return demands(case).at(np.array([b.v for b in case.buses]) if size is None else size)
 
 
-def at_stored_voltages(case: Case) -> tuple[np.ndarray, np.ndarray]:
+def at_stored_voltages(case: Tables) -> tuple[np.ndarray, np.ndarray]:
     """Voltages of the bus table, and the power (pu) that flows from each bus beyond what its machines produce."""
     net = network.build(case)
     V = np.array([b.v for b in case.buses]) * np.exp(1j * np.deg2rad([b.angle for b in case.buses]))

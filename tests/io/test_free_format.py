@@ -41,6 +41,13 @@ def test_all_records_of_a_line_are_read(tmp_path, text):
     assert records(tmp_path, text) == expected
 
 
+@pytest.mark.parametrize("out", ["/", "//", " / ", "/ left out: "])
+def test_a_line_that_begins_with_a_slash_is_a_comment(tmp_path, out):
+    """Unless it ends a record that began on a line before."""
+    first = "1,'GENCLS',1,3.0\n/ 3,'GENCLS',1,4.0,0.0/"
+    assert [r[1] for r in records(tmp_path, f"{first}\n{out}2 'GENCLS' 1 4.0 0.0 /\n")] == [1, 3]
+
+
 def test_a_comma_at_the_begin_of_a_line_belongs_to_the_field_before(tmp_path):
     expected = [(1, 1, "GENCLS", "1", ("3.0", "", "0.5"))]
     assert records(tmp_path, "1,'GENCLS'\n,1,3.0,\n , 0.5 / ") == expected
@@ -68,6 +75,21 @@ def test_a_section_ends_at_a_record_of_zeros(tmp_path, end):
     found = raw.read(tmp_path / "y.raw")
     assert [len(found.of(section)) for section in ("bus", "load", "shunt", "generator")] == [1, 1, 0, 0]
     assert found.of("load")[0][0].PL == 180.0
+
+
+@pytest.mark.parametrize("text", ["0", "0 / END", "0 / END OF DATA", "0 / end of section"])
+def test_the_same_comment_may_be_behind_every_end_record(tmp_path, text):
+    """Also where sections are empty, one after the other."""
+    shunt = "5,1,0,1,1.05,0.95,0,100.0,' ',40.0,1,40.0"
+    (tmp_path / "y.raw").write_text(f"{HEAD}{BUS}\n" + f"{text}\n" * 16 + f"{shunt}\n{text}\n")
+    found = raw.read(tmp_path / "y.raw")
+    assert [(s.I, s.BINIT) for s, _ in found.of("switched_shunt")] == [(5, 40.0)]
+
+
+def test_a_second_record_that_begins_the_same_section_is_passed_over(tmp_path):
+    begin = "0 / END OF BUS DATA, BEGIN LOAD DATA\n"
+    (tmp_path / "y.raw").write_text(f"{HEAD}{BUS}\n{begin}{begin}5,'1',1,1,1,180.0,40.0\n0\n")
+    assert len(raw.read(tmp_path / "y.raw").of("load")) == 1
 
 
 def test_a_line_of_zeros_within_a_record_belongs_to_it(tmp_path):

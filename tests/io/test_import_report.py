@@ -15,6 +15,7 @@ KEYS = [
     "complete",
     "unsupported",
     "corrections",
+    "idle",
     "unusual",
     "mismatch_mw",
     "mismatch_mvar",
@@ -102,6 +103,77 @@ def test_a_second_stabilizer_of_a_machine_is_said(files):
     notes = [note for note in st.load(files(GOVERNED + one + one)).notes if said in note]
     assert len(notes) == 1
     assert "line 5" in notes[0]
+
+
+LOST = (
+    """0, 100.0, 33, 0, 1, 60.0
+what a power flow of PSS/E would change or leave out
+
+1,'A',230.,3,1,1,1,1.02,0.
+2,'B',115.,2,1,1,1,1.0,0.
+9,'C',230.,4,1,1,1,1.0,0.
+0
+2,'1',1,1,1,50.,10.
+9,'1',1,1,1,500.,10.
+9,'2',0,1,1,500.,10.
+0
+0
+1,'1',50.,0.,,,1.02
+2,'1',0.,40.,30.,-30.
+9,'1',400.,0.,,,1.02
+0
+2,9,'1',.01,.1,.02
+0
+1,2,0,'1',1,1,1,0.,0.,2,'T',1
+0.,.1,100.
+1.,0.,0.,0.,0.,0.,{cod},0,1.1,.9,1.1,.9,33,{tab}
+1.,0.
+0
+1,{isw},10.,5.
+0
+"""
+    + "0\n" * 9
+    + "2,{modsw},0,1,1.05,.95,0,100.,' ',40.\n0\nQ\n"
+)
+
+
+def lost(folder, **codes):
+    """The report of a file with these codes."""
+    codes = {"cod": 0, "tab": 0, "isw": 0, "modsw": 0} | codes
+    (folder / "lost.raw").write_text(LOST.format(**codes))
+    return st.import_report(folder / "lost.raw", check=False)
+
+
+@pytest.mark.parametrize(
+    ("codes", "said"),
+    [
+        ({"cod": 1}, "tap changers (lost.raw line 19)"),
+        ({"cod": -1}, ""),
+        ({"cod": 3}, "phase shifters (lost.raw line 19)"),
+        ({"modsw": 1}, "switched shunts (lost.raw line 35)"),
+        ({"isw": 1}, "interchange of areas (lost.raw line 24)"),
+    ],
+)
+def test_controls_of_the_power_flow_that_do_not_act_are_named(tmp_path, codes, said):
+    report = lost(tmp_path, **codes)
+    limit = "reactive limits that QG exceeds (lost.raw line 14)"
+    assert list(report.idle) == [one for one in (said, limit) if one]
+    assert all(one in str(report) for one in report.idle)
+    assert report.complete
+
+
+def test_an_impedance_correction_table_makes_an_import_incomplete(tmp_path):
+    assert lost(tmp_path).complete
+    report = lost(tmp_path, tab=4)
+    assert [(one.kind, one.owner) for one in report.unsupported] == [("impedance correction table 4", "1-2")]
+    assert not report.complete
+
+
+def test_what_is_in_service_at_an_isolated_bus_is_named(tmp_path):
+    (said,) = [one for one in lost(tmp_path).corrections if "bus 9" in one]
+    assert said.endswith(
+        "bus 9 is isolated (type 4) and left out with what is at it, as in PSS/E: 1 load, 1 generator, 1 branch."
+    )
 
 
 def test_what_is_not_supported_is_named_once_with_file_and_line(files, stabctl):

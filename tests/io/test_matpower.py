@@ -153,6 +153,7 @@ def test_dispatchable_loads_and_a_missing_reference_bus(tmp_path):
     case = st.load(written(tmp_path, text.replace("1	3	0	0", "1	2	0	0")))
     assert [(load.bus, load.p, load.q) for load in case.loads] == [(2, 50, 20), (3, 10, 4)]
     assert case.buses[0].kind == "swing"
+    assert case.notes[0].endswith("constant-power load; in MATPOWER it also holds the voltage of the bus, at VG.")
     assert ["the dispatchable load" in case.notes[0], "there is no reference bus" in case.notes[1]] == [True, True]
 
 

@@ -309,19 +309,6 @@ def test_a_step_up_transformer_without_a_ratio(tmp_path):
     ]
 
 
-@pytest.mark.parametrize(("produced", "kind"), [(31.0, "pq"), (-18.0, "pq"), (6.4, "pv"), (18.0, "pv"), (-31.0, "pv")])
-def test_a_machine_at_its_reactive_limit_does_not_hold_the_voltage(tmp_path, produced, kind):
-    """QG at QT or QB, while the stored voltage is not VS."""
-    at = (
-        BEHIND.format(node="")
-        .replace("0.009, 0.13, 1.06", "0, 0, 1")
-        .replace("1.024", "1.057")
-        .replace("6.4", str(produced))
-    )
-    case = raw(tmp_path, branch=[lines_of(33).replace("-12", "13")], generator=[GENERATOR.format(node=""), at])
-    assert (case.buses[1].kind, case.buses[1].v) == (kind, 1.024 if kind == "pq" else 1.057)
-
-
 def test_correction_tables_are_told(tmp_path):
     """TAB of a winding, whatever is before it in the version."""
     for version in (30, 33, 34, 35):

@@ -257,6 +257,86 @@ def test_without_a_swing_bus_the_first_machine_has_it(written):
     assert any("there is no reference bus with a generator; bus 1 becomes it" in note for note in case.notes)
 
 
+ROW = "1 1 120 0.15 {ra} {xd} 0.3 {d} {q} 3.5 0 0 1 {s};"
+DAMPED, TRANSIENT = "0.25 8 0.03", "0    8 0"
+
+
+def machine(written, ra="0", xd="1.8", d=DAMPED, q="1.7 0.55 0.25 0.4 0.05", s="0 0"):
+    """The system with this machine at bus 1, and what is said of it."""
+    a, b = SMALL.index("1 1 120"), SMALL.index("2 2 1e4")
+    text = SMALL[:a] + ROW.format(ra=ra, xd=xd, d=d, q=q, s=s) + SMALL[b:].replace("5 0 0 2]", "5 0 0 2 0 0]")
+    case = st.load(written(text))
+    return case, [note.split("machine 1: ")[1] for note in case.notes if "machine 1: " in note]
+
+
+@pytest.mark.parametrize(
+    ("d", "q", "computed", "said"),
+    [
+        (DAMPED, "1.7 0.55 0.25 0.4 0", "1.7 0.25 0.25 0.4 999", "T''q0 = 0 becomes 999 s and x'q becomes x''q = 0.25"),
+        (DAMPED, "1.7 0.55 0.25 0 0.05", "1.7 0.55 0.25 999 0.05", "T'q0 = 0 becomes 999 s, as in PST."),
+        (TRANSIENT, "1.7 0.3 0 0 0", "1.7 0.3 0 999 0", "T'q0 = 0 becomes 999 s, as in PST."),
+        (TRANSIENT, "1.7 0 0 0.4 0", "1.7 0.3 0 0.4 0", None),
+    ],
+)
+def test_circuits_without_a_time_constant_are_those_that_pst_computes_with(written, d, q, computed, said):
+    """Checks of data in mac_sub.m and mac_tra.m of PST 3.0 and PSTess."""
+    (case, notes), (same, _) = machine(written, d=d, q=q), machine(written, d=d, q=computed)
+    assert dict(case.devices) == dict(same.devices)
+    assert [note.startswith(said) for note in notes] == [True] * len(notes) == [True] * (said is not None)
+    assert ("genrou" if d == DAMPED else "two_axis") in case.devices
+    assert np.isfinite(case.initialize().modes().eigenvalues).all()
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ({"s": "0.1 0.4"}, "its saturation is that of PSS/E's GENROU, in PST 3 of E'q alone, in PSTess none."),
+        ({"d": TRANSIENT}, "x'q = 0.55 pu stays beside x'd = 0.3 pu; the stator of PST has x'd on both axes."),
+    ],
+)
+def test_where_a_machine_differs_from_that_of_pst_is_said(written, row, said):
+    assert machine(written, **row)[1] == [said]
+    assert machine(written)[1] == []
+
+
+def dc_exciter(written, KE="1", high="10 -10", points="3.9 0.07 5.2 0.91"):
+    """The import report of the system with a DC exciter of these constants at machine 1."""
+    text = SMALL.replace("0 1 0.01 200 0.05 0 0 5 -5", f"1 1 0.01 40 0.02 0 0 {high} {KE} 0.785 {points} 0.03 1.0")
+    return import_report(written(text.replace("; 0 2 0 100 0.05 0 0 5 -5]", "]")), check=False)
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ({"KE": "0"}, "KE = 0: computed at the start so that the regulator is at a tenth of VRMAX, as in PSS/E"),
+        ({"high": "0 0"}, "VRMAX = 0: computed from saturation as 9.932, VRMIN as its negative, as in PSS/E"),
+    ],
+)
+def test_what_a_dc_exciter_leaves_to_be_computed_is_said(written, row, said):
+    report = dc_exciter(written, **row)
+    assert any(f"machine 1: {said}, not as in PST." in one for one in report.corrections)
+    assert not any("as in PSS/E" in one for one in dc_exciter(written).corrections)
+    assert report.case.initialize().modes().stable
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ({"points": "0 0.0039 0 1.555"}, "give it at two field voltages (columns 12 to 15)"),
+        ({"high": "0 0", "points": "0 0 0 0"}, "there is no saturation at E2; give VRMAX"),
+    ],
+)
+def test_a_dc_exciter_without_a_model_is_named_with_what_to_do(written, row, said):
+    (one,) = dc_exciter(written, **row).unsupported
+    assert (one.kind, one.owner, said in one.reason) == ("exc_con", "machine 1", True)
+
+
+def test_a_classical_machine_has_no_resistance_as_in_pst(written):
+    case = st.load(written(SMALL.replace("0.15 0 1.8 0.3 0.25 8 0.03...", "0.15 0.02 0 0.3 0.25 8 0.03...")))
+    assert case.devices["gencls"][1].ra == 0
+    assert any("machine 1 is classical; its resistance of 0.02 pu is left out, as in PST." in n for n in case.notes)
+
+
 def test_saturation_of_a_machine_without_subtransient_circuits_is_left_out_and_said(written):
     """Of the machine at bus 1, x''d = 0 and saturation 0.1 and 0.4."""
     old = "0.15 0 1.8 0.3 0.25 8 0.03...\n              1.7 0.55 0.25 0.4 0.05 3.5 0 0 1;"
@@ -265,4 +345,6 @@ def test_saturation_of_a_machine_without_subtransient_circuits_is_left_out_and_s
     assert new in text
     case = st.load(written(text))
     assert 1 in case.devices["two_axis"]
-    assert any(re.search(r"line 8.*: machine 1 has no subtransient circuits; its saturation", n) for n in case.notes)
+    assert any(
+        re.search(r"line 8.*: machine 1: it has no subtransient circuits; its saturation", n) for n in case.notes
+    )

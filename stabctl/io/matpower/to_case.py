@@ -20,8 +20,6 @@ from .mpc import Mpc
 
 FREQUENCY = 60.0  # Hz   the file does not hold it
 COSTS = ("gencost", "dclinecost", "areas", "gen_name", "branch_name")  # no part of the network
-AT_LIMIT = 0.01  # Mvar   distance from a reactive limit
-SAME_VOLTAGE = 1e-4  # pu   distance of the stored voltage from VG
 
 
 class Import(NamedTuple):
@@ -208,7 +206,10 @@ def _generators(net: Network) -> None:
         if g.PMIN < 0 and g.PMAX == 0:
             if g.PG or g.QG:
                 net.add("loads", Load(g.GEN_BUS, -g.PG, -g.QG, 1.0, 1.0, v_low=POWER_LOW, id=f"G{id}"), place)
-            net.corrections.append(f"{place}: the dispatchable load at bus {g.GEN_BUS} is a constant-power load.")
+            said = f"the dispatchable load at bus {g.GEN_BUS} is a constant-power load"
+            if net.bus(g.GEN_BUS).kind != "pq":
+                said += "; in MATPOWER it also holds the voltage of the bus, at VG"
+            net.corrections.append(f"{place}: {said}.")
             continue
         number = net.new_number() if at[g.GEN_BUS] else g.GEN_BUS
         base = g.MBASE if g.MBASE > 0 else net.file.base_mva
@@ -216,22 +217,18 @@ def _generators(net: Network) -> None:
         at[g.GEN_BUS].append((g, place))
         net.add("machines", machine, place)
         net.row_of[number] = row
+    drawn = net.drawn()
     for bus, units in at.items():
-        _voltage(net, bus, [g for g, _ in units], units[-1][1])
+        _voltage(net, bus, [g for g, _ in units], drawn[net.at[bus]], units[-1][1])
 
 
-def _voltage(net: Network, bus: int, units: list[mpc.Gen], place: Place) -> None:
+def _voltage(net: Network, bus: int, units: list[mpc.Gen], drawn: complex, place: Place) -> None:
     """The voltage held at a bus: VG of its last generator, as in MATPOWER; or that their reactive power is fixed."""
     row, held = net.bus(bus), units[-1].VG
     if row.kind == "pq":
         return
-    limits = zip(*((g.QMAX - g.QG, g.QG - g.QMIN) for g in units), strict=True)
-    at_limit = any(max(map(abs, distance)) <= AT_LIMIT for distance in limits)
-    if row.kind == "pv" and at_limit and abs(held - row.v) > SAME_VOLTAGE:
-        net.change(bus, kind="pq")
-        net.corrections.append(
-            f"{place}: the generators at bus {bus} are at their reactive limit, so their reactive power is fixed."
-        )
+    if net.limited(row, held, [(complex(g.PG, g.QG), g.QMIN, g.QMAX) for g in units], drawn):
+        net.fix(bus, "generators", place)
         return
     net.change(bus, v=held)
     if len({g.VG for g in units}) > 1:

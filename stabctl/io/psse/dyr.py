@@ -55,16 +55,16 @@ class Record(NamedTuple):
 def read(path: Path) -> list[Record]:
     """The records of a DYR file. Raises `CaseError` with the line for the first that cannot be read.
 
-    A slash ends a record; the rest of the line is a comment, or begins with another record. It does if it begins with a
-    bus number, a kind in quotes and an ID, or if a slash ends it, it has four words or more, and begins with a bus
-    number or a name in quotes and a kind in quotes or capitals.
+    A slash ends a record, or begins a comment where there is none; the rest of the line is a comment, or begins with
+    another record. It does if it begins with a bus number, a kind in quotes and an ID, or if a slash ends it, it has
+    four words or more, and begins with a bus number or a name in quotes and a kind in quotes or capitals.
     """
     found: list[Record] = []
     fields: list[str] = []
     start: Place | None = None
     filled = False  # whether no comma follows the last field
     for i, text in enumerate(lines(path), 1):
-        if not text.strip() or (not fields and text.lstrip().startswith(("@!", "//"))):
+        if not text.strip() or (not fields and text.lstrip().startswith(("@!", "/"))):
             continue
         if start and len(fields) >= WHERE and _BEGINS.match(text):
             raise start.error(f"the record has no slash at its end, and line {i} begins another.")

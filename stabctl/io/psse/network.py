@@ -18,12 +18,10 @@ from typing import Any, NamedTuple
 from stabctl.model.tables import Branch, Bus, Load, Machine
 
 from .._lexer import Place
-from .._table_builder import ISOLATED, KINDS, TableBuilder
-from .raw import DcLineRecord, Raw, TransformerRecord
+from .._table_builder import ISOLATED, KINDS, SAME_VOLTAGE, TableBuilder
+from .raw import DcLineRecord, Raw, TransformerRecord, Unmodeled
 from .records import Converter
 
-AT_LIMIT = 1e-3  # Mvar   distance from a reactive limit
-SAME_VOLTAGE = 1e-4  # pu   distance of the stored voltage from VS
 OUT = {0: (1, 2, 3), 1: (), 2: (2,), 3: (3,), 4: (1,)}  # STAT -> windings out of service
 BLOCKED, POWER, CURRENT = 0, 1, 2  # MDC: control mode of a DC line
 
@@ -164,8 +162,9 @@ def read_generators(net: Network) -> dict[tuple[int, str], Source]:
         if net.has(g.I, place) and g.STAT:
             at[g.I].append((g, place))
     found: dict[tuple[int, str], Source] = {}
+    drawn = net.drawn()
     for bus, units in at.items():
-        _bus_kind(net, bus, units)
+        _bus_kind(net, bus, units, drawn[net.at[bus]])
         for k, (g, place) in enumerate(units):
             number = net.new_number() if k else bus
             base = g.MBASE or net.raw.base_mva
@@ -179,7 +178,7 @@ def read_generators(net: Network) -> dict[tuple[int, str], Source]:
     return found
 
 
-def _bus_kind(net: Network, bus: int, units: list[tuple[Any, Place]]) -> None:
+def _bus_kind(net: Network, bus: int, units: list[tuple[Any, Place]], drawn: complex) -> None:
     """The voltage held at a bus with machines, or that their reactive power is fixed."""
     row, (first, place) = net.bus(bus), units[0]
     if row.kind == "pq":
@@ -194,12 +193,8 @@ def _bus_kind(net: Network, bus: int, units: list[tuple[Any, Place]]) -> None:
                 f"{place}: machine {bus}/{first.ID} regulates bus {first.IREG}; it holds its stored terminal voltage."
             )
         return
-    limits = zip(*((g.QT - g.QG, g.QG - g.QB) for g, _ in units), strict=True)
-    if row.kind == "pv" and any(max(map(abs, distance)) <= AT_LIMIT for distance in limits):
-        net.change(bus, kind="pq")
-        net.corrections.append(
-            f"{place}: the machines at bus {bus} are at their reactive limit, so their reactive power is fixed."
-        )
+    if net.limited(row, first.VS, [(complex(g.PG, g.QG), g.QB, g.QT) for g, _ in units], drawn):
+        net.fix(bus, "machines", place)
     else:
         net.change(bus, v=first.VS)
 
@@ -236,9 +231,9 @@ def read_transformers(net: Network) -> None:
                 choices = ", ".join(map(str, allowed))
                 raise place.error(f"{code} is not allowed; it must be one of {choices}.", name)
         for w in t.windings:
-            if w.TAB:
-                net.corrections.append(
-                    f"{place}: the impedance correction table {w.TAB} is not used; the impedance is the nominal one."
+            if w.TAB and t.head.STAT:
+                net.raw.unmodeled.append(
+                    Unmodeled(f"impedance correction table {w.TAB}", f"{t.head.I}-{t.head.J}", place)
                 )
         (_three_windings if t.head.K else _two_windings)(net, t, place)
 

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, get_type_hints
 from .._lexer import Line, Place, lines, number, split, whole
 from .._table_builder import POWER_LOW
 from .records import (
+    Area,
     Branch,
     Bus,
     Converter,
@@ -124,13 +125,13 @@ def _version(path: Path, rest: list[tuple[int, str]]) -> int:
 def _section(raw: Raw, section: str, texts: Iterator[tuple[Place, str]], before: str) -> str | None:
     """Read a section up to its end record, which it returns; None at the end of the file.
 
-    A copy of the record `before` that ended the section before, with its titles, is passed over.
+    No section begins twice: a copy of the record `before` that says which one it begins is passed over.
     """
     found = raw.sections.setdefault(section, [])
     tables = section == "impedance_correction"  # whose records may continue with a line of zeros
     for place, text in texts:
         if _END.match(text) or (_ZEROS.match(text) and not tables):
-            if text.strip() == before and "END" in before.upper():
+            if text.strip() == before and "BEGIN" in before.upper():
                 continue
             return text.strip()
         if _QUIT.match(text):
@@ -179,6 +180,7 @@ _ONE_LINE = {
     "branch": Branch,
     "switch": Switch,
     "switched_shunt": SwitchedShunt,
+    "area": Area,
 }
 NAMED = {
     "vsc": "VSC DC line",
@@ -281,7 +283,7 @@ def _value(kind: type, text: str, place: Place, name: str) -> float:
 
 
 _RATES = " ".join("_" * 12)
-_WINDING = "WINDV NOMV ANG _ _ _ _ _ _ _ _ _ _ TAB"
+_WINDING = "WINDV NOMV ANG _ _ _ COD _ _ _ _ _ _ TAB"
 
 
 # record -> the first version with this order -> the fields in order; `_` is read and not used
@@ -303,14 +305,15 @@ ORDERS: Mapping[type, Mapping[int, str]] = MappingProxyType(
         Impedances: {29: "R12 X12 SBASE12 R23 X23 SBASE23 R31 X31 SBASE31"},
         Winding: {
             29: _WINDING,
-            34: f"WINDV NOMV ANG {_RATES} _ _ _ _ _ _ _ TAB",
-            35: f"WINDV NOMV ANG {_RATES} _ _ _ _ _ _ _ _ TAB",
+            34: f"WINDV NOMV ANG {_RATES} COD _ _ _ _ _ _ TAB",
+            35: f"WINDV NOMV ANG {_RATES} COD _ _ _ _ _ _ _ TAB",
         },
         SwitchedShunt: {
-            29: "I _ _ _ _ _ _ BINIT",
-            32: "I _ _ STAT _ _ _ _ _ BINIT",
-            35: "I _ _ _ STAT _ _ _ _ _ _ BINIT",
+            29: "I MODSW _ _ _ _ _ BINIT",
+            32: "I MODSW _ STAT _ _ _ _ _ BINIT",
+            35: "I _ MODSW _ STAT _ _ _ _ _ _ BINIT",
         },
+        Area: {29: "I ISW"},
         DcLine: {29: "NAME MDC RDC SETVL VSCHD _ RCOMP"},
         Converter: {29: "IP NB ANMX ANMN RC XC EBAS TR TAP"},
     }

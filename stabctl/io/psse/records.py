@@ -131,6 +131,7 @@ class Winding(NamedTuple):
     WINDV: float = 0.0
     NOMV: float = 0.0
     ANG: float = 0.0
+    COD: int = 0
     TAB: int = 0
 
 
@@ -138,8 +139,16 @@ class SwitchedShunt(NamedTuple):
     """A switched shunt."""
 
     I: int
+    MODSW: int = 1
     STAT: int = 1
     BINIT: float = 0.0
+
+
+class Area(NamedTuple):
+    """An area; `ISW` is the swing bus that controls its interchange, or 0."""
+
+    I: int
+    ISW: int = 0
 
 
 class DcLine(NamedTuple):

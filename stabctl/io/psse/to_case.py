@@ -3,18 +3,20 @@
 Machines and controls without a model are refused, or on request become injections and constant controls.
 """
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 from stabctl._util.errors import CaseError, StudyError, shown
 from stabctl._util.validation import checks_arguments
-from stabctl._util.wording import enumerated, listed
+from stabctl._util.wording import counted, enumerated, listed, named
 from stabctl.model import naming, tables
 from stabctl.model.case import Case
 from stabctl.model.tables import Load, Machine
 
+from .._table_builder import AT_LIMIT, ISOLATED
 from . import dyr, network, raw
 from .dyr import Dynamics, LoadScopes, Unsupported
 from .network import Network, Source
@@ -23,6 +25,15 @@ Missing = Literal["refuse", "injection"]
 MissingControls = Literal["refuse", "fixed"]
 WITHOUT_RECORD = "generator"  # kind of a machine that no record models
 ACTS_ON = {"stabilizer": "exciter", "plant control": "electrical control"}  # role -> role of what it acts on
+CONTROLS: Mapping[str, tuple[str, Callable[[Any], object]]] = {  # of a power flow: section, and whether a record has it
+    "tap changers": ("transformer", lambda t: t.head.STAT and any(w.COD in (1, 2, 4) for w in t.windings)),
+    "phase shifters": ("transformer", lambda t: t.head.STAT and any(w.COD in (3, 5) for w in t.windings)),
+    "switched shunts": ("switched_shunt", lambda s: s.STAT and s.MODSW),
+    "interchange of areas": ("area", lambda area: area.ISW),
+    "reactive limits that QG exceeds": (
+        "generator", lambda g: g.STAT and not g.QB - AT_LIMIT <= g.QG <= g.QT + AT_LIMIT,
+    ),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -41,6 +52,8 @@ class Import:
         What was changed or replaced, one sentence each.
     unsupported : tuple of Unsupported
         What has no model: elements of the network, machines without a record, records.
+    idle : tuple of str
+        Controls and limits that do not act in the power flow, with their lines.
     """
 
     case: Case
@@ -48,6 +61,7 @@ class Import:
     records: tuple[dyr.Record, ...]
     corrections: tuple[str, ...]
     unsupported: tuple[Unsupported, ...]
+    idle: tuple[str, ...]
 
 
 @checks_arguments
@@ -106,9 +120,9 @@ def read(
     file = raw.read(Path(raw_path))
     net = network.read(file)
     network.read_transformers(net)
-    sources = network.read_generators(net)
     network.read_dc_lines(net)
-    apart = net.settle_islands(str(raw_path))
+    sources = network.read_generators(net)
+    apart = [*_isolated(file), *net.settle_islands(str(raw_path))]
     if not net.rows["machines"]:
         raise CaseError(f"{raw_path}: no generator in service is connected to a swing bus; a case needs one.")
     left = {m.machine for m in net.rows["machines"]}
@@ -130,7 +144,30 @@ def read(
         source=f"PSS/E {Path(raw_path).name}",
         notes=notes,
     )
-    return Import(case, file, records, corrections, unsupported)
+    return Import(case, file, records, corrections, unsupported, tuple(_idle(file)))
+
+
+def _idle(file: raw.Raw) -> Iterator[str]:
+    """The controls and limits that do not act in the power flow, those alike together, with their lines."""
+    for what, (section, acts) in CONTROLS.items():
+        found = [str(place.line) for record, place in file.of(section) if acts(record)]
+        if found:
+            yield f"{what} ({file.path.name} {named(len(found), 'line')} {listed(found)})"
+
+
+def _isolated(file: raw.Raw) -> Iterator[str]:
+    """What is in service at buses of type 4, a sentence for each bus."""
+    at: dict[int, Counter[str]] = {bus.I: Counter() for bus, _ in file.of("bus") if bus.IDE == ISOLATED}
+    for section in ("load", "shunt", "switched_shunt", "generator", "branch", "switch", "transformer"):
+        for record, _ in file.of(section):
+            one = record.head if section == "transformer" else record
+            if any(getattr(one, status, 0) for status in ("STATUS", "STAT", "ST")):
+                for bus in {abs(getattr(one, end, 0)) for end in "IJK"} & at.keys():
+                    at[bus][section.replace("_", " ")] += 1
+    for bus, place in file.of("bus"):
+        if at.get(bus.I):
+            what = ", ".join(counted(n, noun) for noun, n in at[bus.I].items())
+            yield f"{place}: bus {bus.I} is isolated (type 4) and left out with what is at it, as in PSS/E: {what}."
 
 
 def _unsupported(

@@ -1,13 +1,13 @@
 """A case from a PST file: its network, and its machines and controls as rows of device tables.
 
 As PST does: per unit on 100 MVA and 60 Hz, unless basmva and sys_freq are assigned; a machine with x''d is GENROU, with
-x'q and x''q = x''d, one with xd alone a two-axis machine, the others are classical. The stator voltage of GENROU is
+x''q = x''d, one with xd alone a two-axis machine, the others are classical. The stator voltage of GENROU is
 multiplied by the speed. Demands are impedances but for the shares in load_con, and so is generation at a bus without a
 machine. Reactances of infinite buses (ibus_con) are those behind which their machines have a constant voltage.
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ import numpy as np
 from stabctl._util.errors import CaseError, shown
 from stabctl._util.units import quantity
 from stabctl._util.validation import checks_arguments
+from stabctl.devices.exciters import dc
 from stabctl.model import tables as model_tables
 from stabctl.model.case import Case
 from stabctl.model.tables import Branch, Bus, Load, Machine
@@ -29,6 +30,7 @@ from .tables import Pst, Row
 BASE, FREQUENCY = 100.0, 60.0  # MVA, Hz   unless the file assigns basmva, sys_freq
 KINDS = {1: "swing", 2: "pv", 3: "pq"}
 HELD = (1, 2)
+OPEN = 999.0  # s   open-circuit time constant that PST gives a q-axis circuit without one
 LOW = 0.1  # pu   voltage below which a load is an impedance; PST has no such limit
 MODELS = ("ind_con", "mld_con", "igen_con", "svc_con", "tcsc_con", "ess_con", "dcsp_con", "dcl_con", "dcc_con")
 ROLES = {"mac_con": "machine", "exc_con": "exciter", "pss_con": "stabilizer", "tg_con": "governor", "load_con": "load"}
@@ -209,22 +211,36 @@ class _Reader:
         if number in self.infinite:
             self._device("gencls", number, place, H=0.0, D=0.0, ra=ra, x1d=x2d or x1d or xd)
         elif xd == 0 or (x2d == 0 and T1d == 0):
+            if ra and xd == 0:
+                self._said(place, f"machine {number} is classical; its resistance of {ra:g} pu is left out, as in PST.")
+                ra = 0.0
             self._device("gencls", number, place, H=H, D=D, ra=ra, x1d=x1d)
-        elif x2d == 0 or T2d == 0 or (T2q == 0 and x1q not in (0, x2d)):
-            if S10 or S12:
-                self._said(place, f"machine {number} has no subtransient circuits; its saturation is left out.")
-            x1q, T1q = (x1q, T1q) if T1q else (xq, 0.0)
-            self._device(
-                "two_axis", number, place, H=H, D=D, ra=ra, xd=xd, x1d=x1d, T1d=T1d, xq=xq, x1q=x1q or x1d, T1q=T1q
-            )
         else:
-            if x2q != x2d:
-                self._said(place, f"machine {number}: x''q = {x2q:g} pu becomes x''d = {x2d:g} pu, as in PST.")
-            x1q, T1q = (x1q, T1q) if T1q else (xq, 0.0)
-            self._device(
-                "genrou", number, place, H=H, D=D, ra=ra, xl=m[3], xd=xd, x1d=x1d, x2=x2d, T1d=T1d, T2d=T2d, xq=xq,
-                x1q=x1q, T1q=T1q, T2q=T2q, S10=S10, S12=S12, speed_factor=1,
-            )  # fmt: skip
+            circuits = {"T2d": T2d, "T2q": T2q, "x2": x2d} if x2d and T2d else {}
+            changed = []
+            if circuits and x2q != x2d:
+                changed.append(f"x''q = {x2q:g} pu becomes x''d = {x2d:g} pu, as in PST")
+            if circuits and T2q == 0:
+                x1q, circuits["T2q"] = x2d, OPEN
+                changed.append(f"T''q0 = 0 becomes {OPEN:g} s and x'q becomes x''q = {x2d:g} pu, as in PST")
+            elif not circuits and x1q not in (0, x1d):
+                changed.append(
+                    f"x'q = {x1q:g} pu stays beside x'd = {x1d:g} pu; the stator of PST has x'd on both axes"
+                )
+            x1q = x1q or (x1d if not circuits else xq if T1q == 0 else 0.0)
+            if T1q == 0 and x1q != xq:
+                T1q = OPEN
+                changed.append(f"T'q0 = 0 becomes {OPEN:g} s, as in PST")
+            if (S10 or S12) and circuits:
+                changed.append("its saturation is that of PSS/E's GENROU, in PST 3 of E'q alone, in PSTess none")
+            elif S10 or S12:
+                changed.append("it has no subtransient circuits; its saturation is left out")
+            for text in changed:
+                self._said(place, f"machine {number}: {text}.")
+            values = {"H": H, "D": D, "ra": ra, "xd": xd, "x1d": x1d, "T1d": T1d, "xq": xq, "x1q": x1q, "T1q": T1q}
+            if circuits:
+                values |= circuits | {"xl": m[3], "S10": S10, "S12": S12, "speed_factor": 1}
+            self._device("genrou" if circuits else "two_axis", number, place, **values)
         if m[17]:
             self._said(place, f"machine {number}: damping relative to the mean speed (column 18) is left out.")
 
@@ -302,7 +318,7 @@ class Control(NamedTuple):
 
     model: str
     values: dict[str, float]
-    said: tuple[str, ...] = ()
+    said: Sequence[str] = ()
 
 
 def _exciter(e: list[float]) -> Control | str:
@@ -313,10 +329,17 @@ def _exciter(e: list[float]) -> Control | str:
         return Control("sexs", {**first, "TB": TB, "TC": TC, "Efdmax": high, "Efdmin": low})
     if kind in (1, 2):
         KE, TE, E1, SE1, E2, SE2, KF, TF = e[9:17]
+        if E2 == 0 and (SE1 or SE2):
+            return "saturation as Asat and Bsat is not modeled; give it at two field voltages (columns 12 to 15)"
         (E1, SE1), (E2, SE2) = sorted([(E1, SE1), (E2, SE2)])
         more = {"VRmax": high, "VRmin": low, "KE": KE, "TE": TE, "KF": KF, "TF": TF}
         more |= {"E1": E1, "SE1": SE1, "E2": E2, "SE2": SE2}
-        said = ("its saturation is quadratic through the two points, in PST exponential.",) if SE1 or SE2 else ()
+        said = ["its saturation is quadratic through the two points, in PST exponential."] if SE1 or SE2 else []
+        try:
+            more, computed = dc.computed(more)
+        except ValueError as error:
+            return str(error).rstrip(".")
+        said += [f"{one.rstrip('.')}, as in PSS/E, not as in PST." for one in computed]
         if kind == 1 and not (TB or TC):
             return Control("ieeet1", {**first, **more}, said)
         return Control("exdc2" if kind == 2 else "esdc1a", {**first, **more, "TB": TB, "TC": TC}, said)

@@ -125,6 +125,7 @@ def imported(found: ImportReport) -> Page:
             Section("Checks", [table(("check", "result"), checks(found))]),
             Section("Not supported", [Text(one) for one in unsupported(found)]),
             Section("Unusual data", [Text(one) for one in found.unusual.sentences()]),
+            Section("Without effect on the power flow", [Text(one) for one in found.idle]),
             Section("Corrections", [Text(one) for one in corrections(found)]),
             Section("Dynamic models", [table(HEAD, kinds)] if kinds else []),
         ],
