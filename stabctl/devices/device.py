@@ -82,6 +82,7 @@ class Device:
     derivatives: Equation = _equation("x i u v v1 v2 y p", "State, the derivatives of the states in 1/s")
     source: Equation = _equation("x i u p", "Norton current of a voltage source, pu on the system base")
     admittance: Equation = _equation("p", "Norton admittance of this source, pu on the system base")
+    fault_admittance: Equation = _equation("p", "admittance of a machine in a short circuit, if not that one")
     current: Equation = _equation("x i u v v1 v2 p", "current into the bus or buses, pu on the system base")
     step: Equation = _equation("x u v y p", "Output, or State and Output, of a law: once per time step")
     prepare: Equation = _equation("p", "Par, with the parameters that follow from others")
