@@ -61,7 +61,7 @@ def motor(seed, cages, kind):
     r, x = rng.uniform(0.01, 0.05, 3), rng.uniform(0.05, 0.15, 3)
     second = {"R2": r[2], "X2": x[2]} if cages == 2 else {}
     given = {"P0": 0.7, "Q0": 0.3, "V0": 1.02, "wb": 377.0, "system": 100.0}
-    rest = dict.fromkeys(cim.Par._fields[:10], 0.0) | given
+    rest = dict.fromkeys(cim.Par._fields[:11], 0.0) | given
     return cim.prepare(
         cim.Par(**rest, Ra=r[0], Xa=x[0], Xm=rng.uniform(2, 5), R1=r[1], X1=x[1], **second, Pmult=1.0, kind=kind)
     )

@@ -113,6 +113,17 @@ def test_a_stalled_motor_stops_and_is_named():
     assert "In the longest stable run, motor loads at bus 2 have stalled." in str(found)
 
 
+@pytest.mark.parametrize("low", [0.5, 0.7])
+def test_a_stalled_motor_that_holds_its_bus_low_is_a_voltage_collapse(low):
+    """At 0.63 pu, beside constant admittance alone: below the threshold of the row for 0.5 s, or not."""
+    case = weak().set({"loads.2.p_power": 0, "loads.2.q_power": 0, "loads.2.p_current": 0, "loads.2.q_current": 0})
+    base = case.set({"loads.2.v_low": low}).with_motors(0.5, H=0.2).initialize()
+    end = base.simulate(replace(FAULT, clear="0.4s"), until="4s").outcome
+    assert end.stalled == (2,)
+    assert (end.kind, end.bus) == (("voltage_collapse", 2) if low == 0.7 else ("stable", None))
+    assert end.time_s == pytest.approx(1.0 if low == 0.7 else 4.0, abs=2e-2)
+
+
 def test_a_motor_that_crawls_has_stalled():
     """After a fault of 0.1 s it stays between the peaks of its torque; one without fault keeps a slip of 1 %."""
     base = weak().with_motors(0.3, R1=0.3, X1=0.08, R2=0.01, X2=0.25, Xa=0.08, H=0.3).initialize()

@@ -43,6 +43,7 @@ class Par(NamedTuple):
     P0: Annotated[float, "pu", "active power at V0, system base", FROM_CASE]
     Q0: Annotated[float, "pu", "reactive power at V0, system base", FROM_CASE]
     V0: Annotated[float, "pu", "voltage of the power flow", FROM_CASE]
+    vlow: Annotated[float, "pu", "voltage below which the load counts as lost", FROM_CASE]
     wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
     system: Annotated[float, "MVA", "system base", FROM_CASE]
     mva: Annotated[float, "-", "motor MVA over system MVA", FROM_CASE]
