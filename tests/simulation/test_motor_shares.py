@@ -188,6 +188,9 @@ def test_what_is_no_share_is_told(plain):
             plain.with_motors(*arguments)
     with pytest.raises(StabctlError, match="cim has no parameter 'Pmul'; did you mean Pmult"):
         plain.with_motors(0.4, Pmul=1.2)
+    with pytest.raises(StabctlError, match="C0 = 0 of bus 2 leaves the motor no load torque, since A, B and D are 0"):
+        plain.with_motors(0.4, C0=0)
+    assert plain.with_motors(0.4, C0=0, D=1, E=2).initialize()
     with pytest.raises(StabctlError, match=r"1\.2 is not allowed; it must be a number from 0 to 1"):
         plain.with_load(2, model_share=1.2)
 

@@ -17,6 +17,7 @@ Source: PSS/E Model Library, CIM5BL and CIM6BL; PowerWorld, Load Characteristic 
 Stability and Control, section 7.2; Krause, Analysis of Electric Machinery, chapter 4.
 """
 
+from collections.abc import Iterator
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -67,6 +68,11 @@ class Par(NamedTuple):
     D: Annotated[float, "-", "share of w^E"] = 0.0
     E: Annotated[float, "-", "exponent of the speed"] = 0.0
     kind: Annotated[int, "-", "circuit of the cages (1: beside each other, 2: behind X1)", Interval(ge=1, le=2)] = 1
+
+    def errors(self) -> Iterator[tuple[str, str]]:
+        """Field and sentence of everything the equations cannot be formed with."""
+        if not any((self.A, self.B, self.C0, self.D)):
+            yield "C0", "leaves the motor no load torque, since A, B and D are 0, too; give one of these shares"
 
 
 class State(NamedTuple):
