@@ -12,7 +12,7 @@ from stabctl.model.case import Case
 from stabctl.model.replicate import replicate
 from stabctl.model.tables import Load
 
-MOTOR = cim.Par(*(0,) * 10, 0.01, 0.09, 4.2, 0.035, 0.09, H=1.5, Pmult=1.5)
+MOTOR = cim.Par(*(0,) * 11, 0.01, 0.09, 4.2, 0.035, 0.09, H=1.5, Pmult=1.5)
 AWAY = 32, 34, 36, 38  # buses of `ieee39` whose machines become injections
 
 

@@ -88,7 +88,7 @@ EXPONENTIAL = exponential.Par(P0=0, Q0=0, V0=1.0, vlow=0.7, a=1.3, b=3.0)
 VARIED = ieel.Par(
     P0=0, Q0=0, V0=0, vlow=0, wb=0, a1=0.4, a2=0.2, a3=0.4, a4=0.5, a5=0.25, a6=0.25, a7=2.0, a8=-1.5, n1=1.8
 )
-MOTOR = cim.Par(*(0,) * 10, 0.01, 0.09, 4.2, 0.035, 0.09)
+MOTOR = cim.Par(*(0,) * 11, 0.01, 0.09, 4.2, 0.035, 0.09)
 DER = dera1.Par(mva=0, V0=0, bus=0, Ddn=20.0, Dup=20.0, fdbd1=0.0, fdbd2=0.0)
 REGC = regc_a.Par(0, 0.02)
 REGC_B = regc_b.Par(0)

@@ -165,7 +165,7 @@ def system(case: Case, flow: PowerFlow, net: Network) -> System:
 
 
 def _watched(name: str, row: Row) -> Iterator[tuple[int, float]]:
-    """Rows of the buses at which a load or link counts as lost below a voltage (pu), and this voltage."""
+    """Rows of the buses where a load or link counts as lost below a voltage (pu), and this; none of an admittance."""
     device = devices.every()[name]
     if device.role in ("load", "link") and "vlow" in device.Par._fields:
         for bus in dict.fromkeys((row.bus, row.bus2)):

@@ -82,10 +82,10 @@ class ShortCircuit(Tabular):
 def short_circuit(base: Any, *, trip: str | Iterable[str] | None = None) -> ShortCircuit:
     """Compute the short-circuit power S = 1/|Z_kk| of every bus.
 
-    Z is the impedance matrix of the network with every synchronous machine as its subtransient (classical machines:
-    transient) impedance to ground. Branches with charging and taps and bus shunts are in it. Loads, HVDC links, storage
-    devices and converters, also grid-forming ones, are not: converters limit their current. The voltage before the
-    fault is 1 pu.
+    Z is the impedance matrix of the network with every synchronous machine as its subtransient impedance of the d axis,
+    ra + j x''d, to ground; of a classical or two-axis machine it is the transient one, ra + j x'd. Branches with
+    charging and taps and bus shunts are in it. Loads, HVDC links, storage devices and converters, also grid-forming
+    ones, are not: converters limit their current. The voltage before the fault is 1 pu.
 
     Parameters
     ----------
@@ -294,5 +294,6 @@ def source_admittances(case: Case, net: network.Network) -> np.ndarray:
         if model is not None:
             device = devices.every()[model]
             par = device.prepared(case.devices[model][m.machine]._replace(mva=m.base / case.base_mva))
-            found[bus] += device.admittances(np.array([par]))[0]
+            own = device.fault_admittance
+            found[bus] += device.admittances(np.array([par]))[0] if own is None else own(par)
     return found

@@ -27,8 +27,8 @@ class Criterion(NamedTuple):
         Change of a rotor angle, or of the virtual angle of a converter, relative to the center of inertia of its island
         that counts as loss of synchronism.
     low_voltage_s : float, s
-        Time that a load may stay below its voltage threshold, with no fault on, before it counts as voltage collapse;
-        0 turns this check off.
+        Time that a load or a terminal of an HVDC link may stay below its voltage threshold, with no fault on, before it
+        counts as voltage collapse; 0 turns this check off. Loads of constant admittance alone are not watched.
     slowest, fastest : float, pu
         A machine or grid-forming converter outside this speed range has run away.
     min_frequency, max_frequency : float, pu

@@ -335,7 +335,7 @@ class ControlLoop(NamedTuple):
 
 
 class Stalled(NamedTuple):
-    """Motor loads beyond the slip of their largest torque, where they draw several times their current."""
+    """Motor loads beyond their breakdown slip that do not reaccelerate; they draw several times their current."""
 
     buses: tuple[int, ...]  # bus numbers
     slip: tuple[float, ...]  # pu
@@ -364,11 +364,10 @@ def stalled(point: OperatingPoint, s: np.ndarray, alive: np.ndarray) -> Stalled:
     """
     found: list[tuple[int, float]] = []
     for f in point.system.families:
-        if f.device.stalled is None:
-            continue
-        states, n = f.device.State._fields, len(f.device.State._fields)
-        x = f.device.State(*s[f.w[:, [family.STATE]] + np.arange(n)].T)
-        rows = (f.w[:, family.BUS] - point.layout.nx) // 2
-        for j in np.flatnonzero(f.device.stalled(x, f.device.Par(*f.k.T)) & alive[rows]):
-            found.append((point.case.buses[rows[j]].bus, float(x[states.index("slip")][j])))
+        n = len(f.device.State._fields)
+        for w, k in zip(f.w, f.k, strict=True) if f.device.stalled else ():
+            at, bus = w[family.STATE], w[family.BUS]
+            x, row = f.device.State(*s[at : at + n]), (bus - point.layout.nx) // 2
+            if alive[row] and f.device.call("stalled", x, s[bus : bus + 2], f.device.Par(*k)):
+                found.append((point.case.buses[row].bus, float(x.slip)))
     return Stalled(*zip(*found, strict=True)) if found else Stalled((), ())

@@ -61,7 +61,7 @@ def motor(seed, cages, kind):
     r, x = rng.uniform(0.01, 0.05, 3), rng.uniform(0.05, 0.15, 3)
     second = {"R2": r[2], "X2": x[2]} if cages == 2 else {}
     given = {"P0": 0.7, "Q0": 0.3, "V0": 1.02, "wb": 377.0, "system": 100.0}
-    rest = dict.fromkeys(cim.Par._fields[:10], 0.0) | given
+    rest = dict.fromkeys(cim.Par._fields[:11], 0.0) | given
     return cim.prepare(
         cim.Par(**rest, Ra=r[0], Xa=x[0], Xm=rng.uniform(2, 5), R1=r[1], X1=x[1], **second, Pmult=1.0, kind=kind)
     )
@@ -114,8 +114,32 @@ def test_a_motor_starts_at_rest_with_the_power_of_its_load(cages, kind):
     assert V * np.conj(-complex(*cim.current(x, (V.real, V.imag), p))) == pytest.approx(0.7 + 0.3j, abs=1e-10)
 
 
+DIPPED = {  # the torque has a peak, a dip, and torque again at larger slips
+    "behind": {"kind": 2, "R1": 0.09, "X1": 0.13, "R2": 0.006, "X2": 0.33, "Xm": 2.3},
+    "beside": {"kind": 1, "R1": 0.3, "X1": 0.1, "R2": 0.01, "X2": 0.25, "Ra": 0.01, "Xa": 0.1, "Xm": 3.0},
+    "low": {"kind": 1, "R1": 0.3, "X1": 0.1, "R2": 0.01, "X2": 0.3, "Ra": 0.01, "Xa": 0.1, "Xm": 3.0},
+}
+
+
+@pytest.mark.parametrize("name", DIPPED)
+def test_two_cages_run_before_the_first_peak_of_their_torque(name):
+    """By the equivalent circuit, at every slip: power and torque rise to the slip of the start and to that peak."""
+    p = cim.prepare(motor(0, 1, 1)._replace(P0=0.8, V0=1.0, Mbase=100.0, **DIPPED[name]))
+    slips = np.geomspace(1e-4, 1, 20_001)
+    I = np.array([p.V0 * admittance(p, slip, 1j) for slip in (p.slip, *slips)])
+    power = p.V0 * I.real * p.mva
+    torque = p.V0 * I.real[1:] - p.Ra * np.abs(I[1:]) ** 2
+    assert power[0] == pytest.approx(0.8, abs=1e-12)
+    assert slips[np.argmax(power[1:] >= 0.8)] == pytest.approx(p.slip, rel=1e-3)
+    peak = np.argmax(np.diff(torque) < 0)
+    assert slips[peak] == pytest.approx(p.pull_out, rel=1e-3)
+    assert torque[-1] > 0.9 * torque[peak] > 1.2 * torque[peak:].min()
+    with pytest.raises(EquilibriumError, match=f"at its breakdown slip of {100 * p.pull_out:.2g} %"):
+        cim.prepare(p._replace(P0=1.01 * power[1 + peak]))
+
+
 def test_a_motor_that_cannot_draw_its_power_is_named():
-    with pytest.raises(EquilibriumError, match="largest power is"):
+    with pytest.raises(EquilibriumError, match="largest power, at its breakdown slip"):
         cim.prepare(motor(0, 1, 1)._replace(Mbase=10.0))
     with pytest.raises(EquilibriumError, match="positive power"):
         cim.prepare(motor(0, 1, 1)._replace(P0=-1.0))
@@ -142,10 +166,13 @@ def test_the_fastest_eigenvalue_of_a_stopped_motor(cages, kind):
         assert cim.elsewhere(arrays)[0] == pytest.approx(np.abs(np.linalg.eigvals(J)).max(), rel=1e-12)
 
 
-def test_a_motor_stalls_beyond_the_slip_of_its_largest_torque():
+def test_a_motor_stalls_beyond_the_slip_of_its_largest_torque_unless_it_reaccelerates():
     """One cage: R1 over the magnitude of the impedance seen from it, R and X of the stator behind it."""
     p = motor(4, 1, 1)
     stator = 1 / (1 / (p.Ra + 1j * p.Xa) + 1 / (1j * p.Xm))
     assert p.pull_out == pytest.approx(p.R1 / abs(stator + 1j * p.X1), rel=1e-4)  # 2e-6
-    state = cim.State(*np.zeros((4, 2)), np.array([0.99, 1.01]) * p.pull_out)
-    assert cim.stalled(state, p).tolist() == [False, True]
+    for size in (0.1, 0.9):  # of the voltage; at the slip 1.01 pull_out, the torque falls with its square
+        steady = p._replace(V0=size * p.V0, slip=1.01 * p.pull_out)
+        x, v = cim.guess(complex(steady.V0), steady), (steady.V0, 0.0)
+        assert cim.stalled(x, v, p) == (size == 0.1) == (cim.derivatives(x, v, p).slip > 0)
+        assert not cim.stalled(x._replace(slip=0.99 * p.pull_out), v, p)

@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from records import gencls
-from systems import CLASSICAL, REGC, small
+from systems import CLASSICAL, REGC, TWO_AXES, TYPE_J, small
 
 import stabctl as st
+from stabctl import devices
 from stabctl._util.errors import StudyError
+from stabctl.devices.machines.stator import Internal
 from stabctl.model import network
 from stabctl.model.tables import Branch, Bus, Machine
 
@@ -44,6 +46,19 @@ def test_two_buses_by_hand():
     assert both.ratio == pytest.approx([4.0, 400 / 60])
     assert both.equivalent == pytest.approx([2.5, 2.5])
     assert both.weighted == pytest.approx(2.5)
+
+
+@pytest.mark.parametrize("name", ["two_axis", "gentpj1"])
+def test_an_unloaded_machine_feeds_by_its_d_axis(name):
+    """As much as its own stator gives at 0 V: its flux, 1 pu, is on the d axis. x'q or x''q does not matter."""
+    device, axis = devices.every()[name], "x1q" if name == "two_axis" else "x2q"
+    par = TWO_AXES if name == "two_axis" else TYPE_J._replace(S10=0.0, S12=0.0)
+    par = par._replace(mva=2.0, ra=0.0)
+    known = {"x": device.State(*[0.0] * len(device.State._fields)), "i": Internal(0.0, 1.0, 1.0, 0.0, 1.0)}
+    y = device.evaluate("output", known | {"v": (0.0, 0.0), "p": par})
+    for xq in (0.3, 0.4):
+        found = st.short_circuit(replace(line(), devices={name: {1: par._replace(**{axis: xq})}}))
+        assert found.mva[0] == pytest.approx(200 * np.hypot(y.id, y.iq), rel=1e-12)
 
 
 def test_ieee39_is_the_inverse_of_its_admittance_matrix():

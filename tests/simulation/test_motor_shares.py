@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from records import cim
 from systems import CLASSICAL, MOTOR, small
 
 import stabctl as st
@@ -28,6 +29,12 @@ def plain():
 @pytest.fixture(scope="module")
 def shared(plain):
     return plain.with_motors("40%", H=0.3)
+
+
+def weak():
+    """The case with long lines and little power in them."""
+    far = {"branches.1-2.x": 0.3, "branches.2-3.x": 0.2, "branches.2-3#2.x": 0.2}
+    return small({"gencls": CLASSICAL}, load=ZIP, p=50.0).set(far)
 
 
 def voltages(case, until=1.5):
@@ -90,8 +97,7 @@ def test_more_motors_recover_later(plain):
 
 def test_a_stalled_motor_stops_and_is_named():
     """After a bolted fault of 0.4 s the motor stands still and does not turn backward; synchronism is kept."""
-    weak = {"branches.1-2.x": 0.3, "branches.2-3.x": 0.2, "branches.2-3#2.x": 0.2}
-    base = small({"gencls": CLASSICAL}, load=ZIP, p=50.0).set(weak).with_motors(0.5, H=0.2).initialize()
+    base = weak().with_motors(0.5, H=0.2).initialize()
     run = base.simulate(replace(FAULT, clear="0.4s"), until="4s")
     assert run.outcome.stable
     assert run.outcome.stalled == (2,)
@@ -105,6 +111,36 @@ def test_a_stalled_motor_stops_and_is_named():
     found = base.clearing_time(FAULT, resolution="6cyc", limit="30cyc", scan=0, longest=0)
     assert found.stalled == (2,)
     assert "In the longest stable run, motor loads at bus 2 have stalled." in str(found)
+
+
+@pytest.mark.parametrize("low", [0.5, 0.7])
+def test_a_stalled_motor_that_holds_its_bus_low_is_a_voltage_collapse(low):
+    """At 0.63 pu, beside constant admittance alone: below the threshold of the row for 0.5 s, or not."""
+    case = weak().set({"loads.2.p_power": 0, "loads.2.q_power": 0, "loads.2.p_current": 0, "loads.2.q_current": 0})
+    base = case.set({"loads.2.v_low": low}).with_motors(0.5, H=0.2).initialize()
+    end = base.simulate(replace(FAULT, clear="0.4s"), until="4s").outcome
+    assert end.stalled == (2,)
+    assert (end.kind, end.bus) == (("voltage_collapse", 2) if low == 0.7 else ("stable", None))
+    assert end.time_s == pytest.approx(1.0 if low == 0.7 else 4.0, abs=2e-2)
+
+
+def test_a_motor_that_crawls_has_stalled():
+    """After a fault of 0.1 s it stays between the peaks of its torque; one without fault keeps a slip of 1 %."""
+    base = weak().with_motors(0.3, R1=0.3, X1=0.08, R2=0.01, X2=0.25, Xa=0.08, H=0.3).initialize()
+    assert slip(base.simulate(until="1s")) == pytest.approx(0.009695, rel=1e-4)
+    run = base.simulate(FAULT, until="8s")
+    assert 0.5 < slip(run)[-1] < 0.8
+    assert abs(np.ptp(slip(run)[-60:])) < 0.02
+    assert run.outcome.stalled == (2,)
+
+
+def test_a_motor_that_reaccelerates_has_not_stalled():
+    """At the end of the short run its slip is beyond that of the largest torque, as in a longer one that recovers."""
+    base = weak().with_motors(0.5, H=0.2, A=1, C0=0).initialize()
+    short, long = (base.simulate(replace(FAULT, clear="0.4s"), until=until) for until in ("0.6s", "4s"))
+    (pull_out,) = base.system.family("cim").k[:, cim.Par._fields.index("pull_out")]
+    assert slip(short)[-1] > 1.1 * pull_out > 2 * slip(long)[-1]
+    assert short.outcome.stalled == long.outcome.stalled == ()
 
 
 def test_the_step_carries_a_stopped_motor(shared):
@@ -152,6 +188,9 @@ def test_what_is_no_share_is_told(plain):
             plain.with_motors(*arguments)
     with pytest.raises(StabctlError, match="cim has no parameter 'Pmul'; did you mean Pmult"):
         plain.with_motors(0.4, Pmul=1.2)
+    with pytest.raises(StabctlError, match="C0 = 0 of bus 2 leaves the motor no load torque, since A, B and D are 0"):
+        plain.with_motors(0.4, C0=0)
+    assert plain.with_motors(0.4, C0=0, D=1, E=2).initialize()
     with pytest.raises(StabctlError, match=r"1\.2 is not allowed; it must be a number from 0 to 1"):
         plain.with_load(2, model_share=1.2)
 

@@ -9,13 +9,15 @@ The stator transients are neglected. R2 = X2 = 0 is one cage. At the start the s
 the active power of the load, or of its model_share, at its voltage; T is the torque there, and a constant susceptance
 makes up the reactive power. The motor's MVA are Mbase or, if that is 0, Pmult times its power in MW. With CIM5, the
 torque is T w^D. The torque of the load resists, but does not drive: a motor that has stopped (s = 1) stays so until the
-voltage is high enough to start it. Beyond the slip of its largest torque it stalls: less speed then gives less torque.
+voltage is high enough to start it. Beyond the breakdown slip, that of the first peak of the torque from slip 0, less
+speed gives less torque: it stalls, unless its load resists with still less. Two cages may have a second peak.
 Not represented: saturation, the trip below VI. The default circuit is that of one-cage motors in a PSS/E data set of
 the 39-bus system (changgang/steps, IEEE39_v33).
 Source: PSS/E Model Library, CIM5BL and CIM6BL; PowerWorld, Load Characteristic CIM5 and CIM6; Kundur, Power System
 Stability and Control, section 7.2; Krause, Analysis of Electric Machinery, chapter 4.
 """
 
+from collections.abc import Iterator
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -42,13 +44,14 @@ class Par(NamedTuple):
     P0: Annotated[float, "pu", "active power at V0, system base", FROM_CASE]
     Q0: Annotated[float, "pu", "reactive power at V0, system base", FROM_CASE]
     V0: Annotated[float, "pu", "voltage of the power flow", FROM_CASE]
+    vlow: Annotated[float, "pu", "voltage below which the load counts as lost", FROM_CASE]
     wb: Annotated[float, "rad/s", "base speed, 2 pi f", FROM_CASE]
     system: Annotated[float, "MVA", "system base", FROM_CASE]
     mva: Annotated[float, "-", "motor MVA over system MVA", FROM_CASE]
     slip: Annotated[float, "pu", "slip of the start", FROM_CASE]
     T: Annotated[float, "pu", "torque factor", FROM_CASE]
     Bsh: Annotated[float, "pu", "susceptance for the rest of the reactive power, system base", FROM_CASE]
-    pull_out: Annotated[float, "pu", "slip of the largest torque", FROM_CASE]
+    pull_out: Annotated[float, "pu", "breakdown slip: first peak of the torque", FROM_CASE]
     Ra: Annotated[float, "pu", "stator resistance", NOT_NEGATIVE] = 0.01
     Xa: Annotated[float, "pu", "stator leakage reactance", POSITIVE] = 0.09
     Xm: Annotated[float, "pu", "magnetizing reactance", POSITIVE] = 4.2
@@ -65,6 +68,11 @@ class Par(NamedTuple):
     D: Annotated[float, "-", "share of w^E"] = 0.0
     E: Annotated[float, "-", "exponent of the speed"] = 0.0
     kind: Annotated[int, "-", "circuit of the cages (1: beside each other, 2: behind X1)", Interval(ge=1, le=2)] = 1
+
+    def errors(self) -> Iterator[tuple[str, str]]:
+        """Field and sentence of everything the equations cannot be formed with."""
+        if not any((self.A, self.B, self.C0, self.D)):
+            yield "C0", "leaves the motor no load torque, since A, B and D are 0, too; give one of these shares"
 
 
 class State(NamedTuple):
@@ -87,7 +95,7 @@ def from_record(kind: str, values: dict[str, Any]) -> tuple[dict[str, Any], list
     return values, [f"the trip below {trip:g} pu is not modeled."] if trip else []
 
 
-def cages(slip: float, p: Par) -> tuple[complex, complex]:
+def cages(slip: Any, p: Par) -> tuple[Any, Any]:
     """Currents of the cages over the voltage behind the stator, at a slip."""
     if p.R2 == 0:
         return -1 / (p.R1 / slip + 1j * p.X1), 0j
@@ -98,7 +106,7 @@ def cages(slip: float, p: Par) -> tuple[complex, complex]:
     return -(1 - 1j * p.X1 / both) * slip / p.R1, -(1 - 1j * p.X1 / both) / second
 
 
-def steady(slip: float, p: Par) -> tuple[complex, complex, complex]:
+def steady(slip: Any, p: Par) -> tuple[Any, Any, Any]:
     """Currents of stator and cages (pu motor) at a slip and the voltage V0."""
     one, two = cages(slip, p)
     inner = 1 / (1 / (1j * p.Xm) - one - two)
@@ -123,15 +131,19 @@ def prepare(p: Par) -> Par:
     def drawn(slip: float) -> float:
         return p.V0 * steady(slip, p)[0].real * p.mva
 
-    def torque(slip: float) -> float:
+    def torque(slip: Any) -> Any:
         stator, *_ = steady(slip, p)
         return p.V0 * stator.real - p.Ra * abs(stator) ** 2
 
-    pull_out = float(minimize_scalar(lambda slip: -torque(slip), bounds=(1e-6, 1.0), method="bounded").x)
+    slips = np.geomspace(1e-6, 1, 1000)
+    k = int(np.argmax(np.diff(torque(slips), append=-np.inf) < 0))  # the first peak, or slip 1
+    ends = slips[k - 1], slips[min(k + 1, len(slips) - 1)]
+    fine: Any = {"bounds": ends, "method": "bounded", "options": {"xatol": 1e-9}}
+    pull_out = float(minimize_scalar(lambda slip: -torque(slip), **fine).x)
     if not drawn(1e-9) <= p.P0 <= drawn(pull_out):
         raise EquilibriumError(
-            f"A motor load cannot draw {p.P0 * p.system:g} MW at {p.V0:.3f} pu: its largest power is "
-            f"{drawn(pull_out) * p.system:.4g} MW; check its Mbase and Pmult."
+            f"A motor load cannot draw {p.P0 * p.system:g} MW at {p.V0:.3f} pu: its largest power, at its breakdown "
+            f"slip of {100 * pull_out:.2g} %, is {drawn(pull_out) * p.system:.4g} MW; check its Mbase and Pmult."
         )
     slip = float(brentq(lambda s: drawn(s) - p.P0, 1e-9, pull_out, xtol=1e-16, rtol=1e-14))
     rest = p.Q0 + p.V0 * steady(slip, p)[0].imag * p.mva
@@ -219,9 +231,10 @@ def elsewhere(p: Par) -> np.ndarray:
     return np.asarray(p.wb * np.abs(1j - rate))
 
 
-def stalled(x: State, p: Par) -> Any:
-    """Whether motors (of states and parameters as arrays) are beyond the slip of their largest torque."""
-    return x.slip > p.pull_out
+def stalled(x: State, v: Any, p: Par) -> bool:
+    """Whether a motor is beyond its breakdown slip and does not reaccelerate: with hardly more torque than its load."""
+    ir, ii, er, ei = stator(x, v, p)
+    return bool(x.slip > p.pull_out and p.T * load(1 - x.slip, p) >= 0.99 * (er * ir + ei * ii))
 
 
 def guess(V: complex, p: Par) -> State:

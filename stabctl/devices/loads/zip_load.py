@@ -6,7 +6,6 @@ simulation, its constant-admittance part is in the network matrix instead (Pz = 
 Source: Kundur, Power System Stability and Control, section 7.1.1.
 """
 
-from collections.abc import Iterable
 from typing import Annotated, Any, NamedTuple
 
 from stabctl._util.jit import inline
@@ -60,11 +59,6 @@ def draws(load: Any) -> bool:
 def admittance(p: Par) -> complex:
     """Admittance of the constant-admittance part (pu)."""
     return complex(p.Pz, -p.Qz)
-
-
-def watched(p: Par) -> Iterable[float]:
-    """Voltage (pu) below which the load counts as lost."""
-    return (p.vlow,)
 
 
 @inline

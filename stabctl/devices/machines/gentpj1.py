@@ -36,7 +36,7 @@ DYR = {
 }
 __all__ = [
     "CLOSED", "CONTINUATION", "DYR", "NAME", "ROLE", "Input", "Internal", "Output", "Par", "State", "admittance",
-    "current", "derivatives", "internal", "output", "source",
+    "current", "derivatives", "fault_admittance", "internal", "output", "source",
 ]  # fmt: skip
 
 
@@ -103,6 +103,11 @@ def admittance(p):
     """Norton admittance 1/(ra + j x'') (pu system), real and imaginary part."""
     g, b = mean(p.ra, p.x2d, p.x2q)
     return p.mva * g, p.mva * b
+
+
+def fault_admittance(p):
+    """Admittance (pu system) of an unloaded machine, whose flux is on the d axis."""
+    return p.mva / complex(p.ra, p.x2d)
 
 
 @inline

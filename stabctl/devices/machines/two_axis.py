@@ -29,7 +29,7 @@ ROLE = "machine"
 CLOSED = ("T1d", "T1q")
 __all__ = [
     "CLOSED", "NAME", "ROLE", "Input", "Internal", "Output", "Par", "State", "admittance", "current", "derivatives",
-    "internal", "output", "source",
+    "fault_admittance", "internal", "output", "source",
 ]  # fmt: skip
 
 
@@ -69,6 +69,11 @@ def admittance(p):
     """Norton admittance 1/(ra + j x') (pu system), real and imaginary part."""
     g, b = stator.mean(p.ra, p.x1d, p.x1q)
     return p.mva * g, p.mva * b
+
+
+def fault_admittance(p):
+    """Admittance (pu system) of an unloaded machine, whose flux is on the d axis."""
+    return p.mva / complex(p.ra, p.x1d)
 
 
 @inline
