@@ -157,6 +157,17 @@ def test_dispatchable_loads_and_a_missing_reference_bus(tmp_path):
     assert ["the dispatchable load" in case.notes[0], "there is no reference bus" in case.notes[1]] == [True, True]
 
 
+def test_what_is_left_out_with_an_isolated_bus_is_said(tmp_path):
+    """A bus at which nothing is in service is left out silently: MATPOWER's cases have such ones."""
+    bus = "	4	4	{}	0	0	0	1	1	0	138	1	1.1	0.9;\n];\nmpc.gen = [\n	4	5	0	9	-9	1	9	{}	9	0;"
+    line = "mpc.branch = [\n	1	4	0.01	0.1	0	0	0	0	0	0	{};"
+    text = SMALL.partition("mpc.gencost")[0].replace("];\nmpc.gen = [", bus).replace("mpc.branch = [", line)
+    says = "bus 4 is isolated (type 4) and left out with its demand, generators and branches, as in MATPOWER."
+    for used in [(0, 0, 0), (7, 0, 0), (0, 1, 0), (0, 0, 1)]:
+        notes = st.load(written(tmp_path, text.format(*used))).notes
+        assert any(says in note for note in notes) == any(used)
+
+
 def test_the_ways_to_write_a_matrix(tmp_path):
     """Commas, rows on one line, comments, block comments, continued lines and statements on one line."""
     text = SMALL.replace(

@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter, defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -94,7 +95,7 @@ def read(path: str | Path, *, frequency: float | str = FREQUENCY) -> Import:
         raise CaseError(f"{path}: no generator in service is connected to a reference bus; a case needs one.")
     costs = [name for name in file.unread if name in COSTS]
     said = [f"{path}: not represented: {', '.join(costs)}."] if costs else []
-    corrections = (*net.corrections, *apart, *said)
+    corrections = (*net.corrections, *_isolated(file), *apart, *said)
     others = {name: place for name, place in file.unread.items() if name not in COSTS}
     unsupported = tuple(Unsupported(f"mpc.{name}", place, "it is not modeled") for name, place in others.items())
     case = net.case(
@@ -107,6 +108,16 @@ def read(path: str | Path, *, frequency: float | str = FREQUENCY) -> Import:
         notes=(*corrections, *map(str, unsupported)),
     )
     return Import(case, corrections, unsupported, unit_kind(net))
+
+
+def _isolated(file: Mpc) -> Iterator[str]:
+    """A sentence for every bus of type 4 at which something is in service, which is left out with it."""
+    used = {g.GEN_BUS for g, _ in file.of("gen") if g.GEN_STATUS > 0}
+    used |= {end for k, _ in file.of("branch") if k.BR_STATUS for end in (k.F_BUS, k.T_BUS)}
+    for bus, place in file.of("bus"):
+        if bus.BUS_TYPE == ISOLATED and (bus.PD or bus.QD or bus.BUS_I in used):
+            what = "demand, generators and branches"
+            yield f"{place}: bus {bus.BUS_I} is isolated (type 4) and left out with its {what}, as in MATPOWER."
 
 
 class Network(TableBuilder):
