@@ -254,7 +254,8 @@ class _Seen:
             yield Violation(rule.name, f"machine {last.machine}", since, size, "degrees", f"swings must {rule.must}")
         elif doubtful and end.stable:
             when = f"{SPAN:g} s after the last event, but the run ends at {end.time_s:.3f} s; simulate longer"
-            yield f"{rule.name}: swings are judged {when if short else 'with two machines or more, and decay above 0'}."
+            where = "only where machines swing against each other, and with a criterion whose decay is above 0"
+            yield f"{rule.name}: swings are judged {when if short else where}."
 
 
 def _side(rule: Voltage | Frequency) -> tuple[float, float]:

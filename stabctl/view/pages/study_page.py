@@ -92,7 +92,7 @@ def _numbers(study: Study) -> Iterator[tuple[str, str]]:
     """The numbers at the top."""
     if study.margins:
         yield f"{study.margins[0].cycles:+g}", "cycles, the smallest margin"
-        yield f"{len(study.insecure)} of {len(study.margins)}", "contingencies not survived"
+        yield f"{len(study.insecure)} of {len(study.margins)}", f"contingencies lost with {study.wanted.cycles:g} cycles or less"
     if study.modes is not None and (worst := study.oscillations):
         yield f"{100 * study.modes.damping_ratio[worst[0]]:.2f} %", "damping ratio of the least damped oscillation"
     if study.low_or_high:
@@ -125,7 +125,7 @@ def _contingencies(study: Study) -> Iterator[Part]:
         )
     note = (
         f"Margin: critical clearing time minus the {study.wanted.cycles:g} cycles guaranteed, or the contingency's own "
-        "clearing time. In red: not survived."
+        "clearing time. In red: lost with this time or less."
     )
     rows, classes = [_row(m) for m in study.margins], ["" if m.secure else "unstable" for m in study.margins]
     yield table(HEADS, rows[:FIRST], note, classes=classes[:FIRST])
