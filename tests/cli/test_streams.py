@@ -48,9 +48,16 @@ def test_a_closed_stderr_does_not_send_messages_to_stdout():
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="has no device that is full")
-def test_an_output_that_is_full_is_a_sentence():
+@pytest.mark.parametrize("command", ["models --json", "tables buses", "tables buses --json"])
+def test_an_output_that_is_full_is_a_sentence(monkeypatch, command):
+    """Also one that is shorter than the buffer, which only the end of the program writes."""
+    monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)
     full = "stabctl: The output cannot be written: No space left on device.\n"
-    assert shell("$stabctl models --json >/dev/full") == (2, "", full)
+    assert shell(f"$stabctl {command} >/dev/full") == (2, "", full)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="has no device that is full")
+def test_messages_that_cannot_be_written_leave_the_exit_code():
     assert shell("$stabctl tables nothing 2>/dev/full")[:2] == (2, "")
 
 
