@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+from stabctl._util import jit
+
 INTERRUPT = """
 import builtins, os, signal, sys
 plain = builtins.__import__
@@ -59,6 +61,19 @@ def test_an_output_that_is_full_is_a_sentence(monkeypatch, command):
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="has no device that is full")
 def test_messages_that_cannot_be_written_leave_the_exit_code():
     assert shell("$stabctl tables nothing 2>/dev/full")[:2] == (2, "")
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_the_note_that_equations_are_compiled_comes_once_and_not_into_the_output(monkeypatch, capsys, full):
+    monkeypatch.setattr(jit, "_told", [])
+    if full:
+        monkeypatch.setattr(sys, "stderr", open("/dev/full", "w"))
+    for labels in ([], ["motion"], ["motion", "outputs"]):
+        with jit.compiling(labels) as done:
+            done()
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err == ("" if full else "stabctl: compiling the equations (once for each set of models) ...\n")
 
 
 def test_what_the_encoding_lacks_is_escaped(tmp_path):
