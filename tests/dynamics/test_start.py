@@ -22,6 +22,7 @@ from systems import (
     table,
     with_shares,
 )
+from uneven import uneven
 
 from stabctl import devices, io
 from stabctl._util.errors import EquilibriumError
@@ -53,6 +54,12 @@ def test_a_residual_of_rounding_is_an_equilibrium(cases, points, monkeypatch, na
     point = operating_point.solve(cases(name))
     assert np.abs(point.s - points(name).s).max() < 1e-8
     assert point.iterations < 2 * newton.STEPS
+
+
+def test_the_steps_of_every_share_of_saturation_are_counted(monkeypatch):
+    solve, calls = newton.Groups.solve, []
+    monkeypatch.setattr(newton.Groups, "solve", lambda *given: calls.append(1) or solve(*given))
+    assert operating_point.solve(uneven()).iterations == len(calls) > 5
 
 
 def test_a_residual_above_rounding_is_none(monkeypatch):
