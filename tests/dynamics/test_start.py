@@ -13,6 +13,7 @@ from systems import (
     REEC,
     REGC,
     ROUND,
+    SATURATED,
     SEXS,
     STEAM,
     doubled,
@@ -22,7 +23,6 @@ from systems import (
     table,
     with_shares,
 )
-from uneven import uneven
 
 from stabctl import devices, io
 from stabctl._util.errors import EquilibriumError
@@ -56,10 +56,13 @@ def test_a_residual_of_rounding_is_an_equilibrium(cases, points, monkeypatch, na
     assert point.iterations < 2 * newton.STEPS
 
 
-def test_the_steps_of_every_share_of_saturation_are_counted(monkeypatch):
+@pytest.mark.parametrize("KE", [1.0, 0.0])
+def test_every_step_is_counted(monkeypatch, KE):
+    """Those for a part of the saturation, and those with the KE that is computed from a first start."""
     solve, calls = newton.Groups.solve, []
     monkeypatch.setattr(newton.Groups, "solve", lambda *given: calls.append(1) or solve(*given))
-    assert operating_point.solve(uneven()).iterations == len(calls) > 5
+    case = small({"genrou": SATURATED, "exdc2": EXDC2._replace(KE=KE)})
+    assert operating_point.solve(case).iterations == len(calls) > 5
 
 
 def test_a_residual_above_rounding_is_none(monkeypatch):
