@@ -92,7 +92,7 @@ def main() -> None:
     except BrokenPipeError:
         code = CLOSED_PIPE
     except OSError as error:
-        code = _complain(f"The output cannot be written: {error.strerror}.")
+        code = _complain(f"The output cannot be written: {error.strerror or error}.")
     _flush(sys.stdout)
     _flush(sys.stderr)
     sys.exit(code)
@@ -105,12 +105,10 @@ def _run(words: list[str]) -> int:
             code: Any = context.command.invoke(context)
     except StabctlError as error:
         return _complain(sentence(error))
-    except BrokenPipeError:
-        raise
     except OSError as error:
-        if error.filename:
-            return _complain(f"{sentence(error)}; choose another file or folder.")
-        return _complain(f"The output cannot be written: {error.strerror or error}.")
+        if not error.filename:
+            raise  # the output cannot be written
+        return _complain(f"{sentence(error)}; choose another file or folder.")
     except KeyboardInterrupt as error:
         return _complain(" ".join(["interrupted.", *getattr(error, "__notes__", ())]), 130)
     except click.exceptions.Exit as end:

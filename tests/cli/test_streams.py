@@ -1,10 +1,13 @@
 """Terminals, pipes and streams of every kind, and Ctrl-C at any instant."""
 
+import io
 import os
 import subprocess
 import sys
 
 import pytest
+
+from stabctl._util import jit
 
 INTERRUPT = """
 import builtins, os, signal, sys
@@ -48,10 +51,37 @@ def test_a_closed_stderr_does_not_send_messages_to_stdout():
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="has no device that is full")
-def test_an_output_that_is_full_is_a_sentence():
+@pytest.mark.parametrize("command", ["models --json", "tables buses", "tables buses --json"])
+def test_an_output_that_is_full_is_a_sentence(monkeypatch, command):
+    """Also one that is shorter than the buffer, which only the end of the program writes."""
+    monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)
     full = "stabctl: The output cannot be written: No space left on device.\n"
-    assert shell("$stabctl models --json >/dev/full") == (2, "", full)
+    assert shell(f"$stabctl {command} >/dev/full") == (2, "", full)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="has no device that is full")
+def test_messages_that_cannot_be_written_leave_the_exit_code():
     assert shell("$stabctl tables nothing 2>/dev/full")[:2] == (2, "")
+
+
+class Gone(io.StringIO):
+    """A stream that nobody reads."""
+
+    def write(self, _):
+        raise BrokenPipeError
+
+
+@pytest.mark.parametrize("gone", [False, True])
+def test_the_note_that_equations_are_compiled_comes_once_and_not_into_the_output(monkeypatch, capsys, gone):
+    monkeypatch.setattr(jit, "_told", [])
+    if gone:
+        monkeypatch.setattr(sys, "stderr", Gone())
+    for labels in ([], ["motion"], ["motion", "outputs"]):
+        with jit.compiling(labels) as done:
+            done()
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err == ("" if gone else "stabctl: compiling the equations (once for each set of models) ...\n")
 
 
 def test_what_the_encoding_lacks_is_escaped(tmp_path):

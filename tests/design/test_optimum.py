@@ -6,6 +6,7 @@ the unstable equilibrium with this power.
 """
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,8 +14,11 @@ from records import gencls
 from scipy.optimize import brentq
 
 from stabctl._util.errors import StudyError
+from stabctl.clearing.trial import Search, Trial
 from stabctl.controllers import BangBang
-from stabctl.design import optimum
+from stabctl.design import _schedule_search, optimum
+from stabctl.design._excursion import Plan, Scheduled, window
+from stabctl.design._schedule_search import Bounds, ScheduleSearch
 from stabctl.model.case import Case
 from stabctl.model.network import BOLTED
 from stabctl.model.tables import Branch, Bus, Machine
@@ -96,6 +100,37 @@ def test_what_the_record_shows_is_what_was_played(longest):
     again = simulate(longest.run.point, longest.fault, 1.4, control=longest.schedule, step=1 / 120)
     rows = int(np.searchsorted(again.time, 1.3))
     assert np.array_equal(again.arrays.angle[:rows], longest.run.arrays.angle[:rows])
+
+
+def test_orders_that_are_worse_are_not_kept(monkeypatch):
+    """Although the fault is survived with them, at every size of the trust region."""
+    trial = Trial(_case().initialize(), FAULT, LATE, Search(1.0, observed_s=1.2, step=1 / 120))
+    free = np.full(1, np.inf)
+    search = ScheduleSearch(Scheduled(trial, LATE, 30, 0.5), Bounds(np.full(1, PC * BASE), -free, free, free), None)
+    search.begin(5)
+    kept = search.plan, search.run, search.window
+    worse = replace(search.plan, orders=np.full_like(search.plan.orders, -0.5))
+    run = search.scheduled.run(worse)
+    assert run.outcome.stable
+    assert window(search.scheduled, worse, run).excursion > search.excursion
+    monkeypatch.setattr(_schedule_search, "improved", lambda *_: (worse.orders, 1.0, "optimal"))
+    assert search._improve() == (0.0, "optimal")
+    assert all(now is before for now, before in zip((search.plan, search.run, search.window), kept, strict=True))
+
+
+@pytest.mark.parametrize("k", [0, 3, 40])
+def test_other_events_keep_their_time_from_the_fault(cases, k):
+    """Also one before it; the fault comes no earlier than that allows, and a frame begins at clearing."""
+    point = cases("wscc9").initialize(storage="20MW")
+    fault = Contingency("7", trip="5-7", at="1s", events=("8:+1MW@0.7s", "8:+1MW@1.2s"))
+    scheduled = Scheduled(Trial(point, fault, LATE), LATE, 30, 0.5)
+    before, after, rate = scheduled.frames(k)
+    under = scheduled.under(Plan(k, before, rate, np.zeros((before + after, 3))))
+    at = [e.at - under.at for e in under.events(k) if type(e).__name__ == "LoadStep"]
+    assert at == pytest.approx([-0.3, 0.2])
+    assert 0.3 <= under.at < 0.3 + 1 / rate + 1e-9
+    assert (under.cleared(k) - under.control.start) * rate == pytest.approx(before)
+    assert under.cleared(k) * rate == pytest.approx(round(under.cleared(k) * rate))
 
 
 @pytest.mark.slow

@@ -38,9 +38,10 @@ def test_scores_do_not_depend_on_units_and_follow_the_weights(base, ranked):
     """A signal of two parallel circuits is the same; halving an availability or a range halves the score."""
     a, b = (ranked.inputs.index(name) for name in ("flow:7-8", "flow:7-8#2"))
     assert ranked.scores[a] == pytest.approx(ranked.scores[b], rel=1e-6)
-    halved = pairs(base, availability={"flow": 0.5}, ranges={"order:3@11": 0.5})
+    halved = pairs(base, availability={"flow": 0.5, "order:3@11": 0.8}, ranges={"order:3@11": 0.5})
     j = halved.outputs.index("order:3@11")
-    assert halved.scores[a, j] == pytest.approx(ranked.scores[a, j] / 4)
+    assert halved.scores[a, j] == pytest.approx(ranked.scores[a, j] / 5)
+    assert halved.weights[a] == pytest.approx([0.4 if k == j else 0.5 for k in range(len(halved.outputs))])
     assert halved.scores[ranked.inputs.index("deviation:1"), 0] == pytest.approx(
         ranked.scores[ranked.inputs.index("deviation:1"), 0]
     )

@@ -45,6 +45,16 @@ def test_the_weights_are_as_small_as_the_damping_allows(base, found):
     assert np.abs(easier.controller.C).max() < 0.9 * np.abs(found.controller.C).max()
 
 
+def test_the_lags_have_their_corner_amid_the_swings_behind_a_washout(base):
+    """At the geometric mean of the lowest and the highest frequency, whatever their number."""
+    modes = base.modes()
+    hz = modes.frequency_hz[modes.swings()]
+    one = pod(base, "deviation:3", "order:3@11", damping=0.01, order=2, washout="8s").controller
+    corner = 2 * np.pi * np.sqrt(hz.min() * hz.max())
+    assert np.sort(np.diag(one.A)) == pytest.approx([-corner, -corner, -1 / 8], rel=1e-6)
+    assert one.C @ np.linalg.solve(one.A, one.B) == pytest.approx(one.D)  # at rest it gives nothing
+
+
 def test_what_a_device_cannot_move_is_said(cases):
     """From bus 5 with the speed of machine 1 alone, machines 3 and 4 swing as before."""
     base = cases("two_area_thyristor").initialize(storage="1@5=50MW")

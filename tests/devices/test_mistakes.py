@@ -12,6 +12,8 @@ from stabctl.devices import trial
 GOOD = (OWN / "wide_area.py").read_text()
 SEXS = Path(devices.every()["sexs"].file).read_text("utf-8").replace("from .", "from stabctl.devices.exciters.")
 MISTAKES = {
+    "no states": ("class State(", "class States(", "it defines derivatives but not State"),
+    "a number in place of an equation": ('ROLE = "stab', 'elsewhere = 3.0\nROLE = "stab', "elsewhere is no function"),
     "no rates": ("def derivatives", "def rates", "it defines State but not derivatives"),
     "no output": ("def output", "def outcome", "it defines Output but not output"),
     "misspelt equation": (
@@ -61,6 +63,16 @@ MISTAKES = {
         "STOPS contains 'slow', which",
     ),
     "a text in place of names": ('ROLE = "stab', 'UPPER = "Vmax"\nROLE = "stab', "UPPER = 'Vmax' is no collection of"),
+    "no such state of a phasor": (
+        'ROLE = "stab',
+        'PHASORS = (("slow", "fast"),)\nROLE = "stab',
+        "PHASORS contains 'fast', which is not a field of State",
+    ),
+    "no such state of a loop": (
+        'ROLE = "stab',
+        'LOOPS = {"washout": ("slow", "fast")}\nROLE = "stab',
+        "LOOPS contains 'fast', which is not a field of State",
+    ),
     "no such parameter of a record": (
         'ROLE = "stab',
         'DYR = {"WIDE": "bus machine Kz"}\nROLE = "stab',
@@ -81,6 +93,11 @@ MISTAKES = {
         "@inline\ndef output",
         "def guess(V, J, p):\n    return State(V)\n\n\n@inline\ndef output",
         "guess has an unknown argument 'J'; it may take V, I, p",
+    ),
+    "an input in a starting value": (
+        "@inline\ndef output",
+        "def guess(V, far, p):\n    return State(V + far)\n\n\n@inline\ndef output",
+        "guess has an unknown argument 'far'; it may take V, I, p",
     ),
     "a record that is none": ("class State(NamedTuple)", "class State", "State"),
     "no record": ("return State(", "return (", "derivatives returns complex instead of State"),
@@ -105,7 +122,7 @@ TOGETHER = {  # in SEXS, whose outputs and rates are one function
         "@inline\ndef output(x, u, p):\n    return Output(x.efd)\n\n\n@inline\ndef equations",
         "it defines equations and also output, which equations gives",
     ),
-    "no states": ("class State(", "class States(", "it defines equations but not State"),
+    "equations without states": ("class State(", "class States(", "it defines equations but not State"),
     "outputs alone": (
         ", State(vm=d_vm, va=d_va, efd=d_efd)",
         "",

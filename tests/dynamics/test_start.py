@@ -13,6 +13,7 @@ from systems import (
     REEC,
     REGC,
     ROUND,
+    SATURATED,
     SEXS,
     STEAM,
     doubled,
@@ -53,6 +54,15 @@ def test_a_residual_of_rounding_is_an_equilibrium(cases, points, monkeypatch, na
     point = operating_point.solve(cases(name))
     assert np.abs(point.s - points(name).s).max() < 1e-8
     assert point.iterations < 2 * newton.STEPS
+
+
+@pytest.mark.parametrize("KE", [1.0, 0.0])
+def test_every_step_is_counted(monkeypatch, KE):
+    """Those for a part of the saturation, and those with the KE that is computed from a first start."""
+    solve, calls = newton.Groups.solve, []
+    monkeypatch.setattr(newton.Groups, "solve", lambda *given: calls.append(1) or solve(*given))
+    case = small({"genrou": SATURATED, "exdc2": EXDC2._replace(KE=KE)})
+    assert operating_point.solve(case).iterations == len(calls) > 5
 
 
 def test_a_residual_above_rounding_is_none(monkeypatch):

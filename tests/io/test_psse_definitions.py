@@ -1,5 +1,6 @@
 """A RAW file against PSS/E's definitions: no two numbers are equal, no base is a default, 50 Hz."""
 
+import re
 from itertools import permutations
 from pathlib import Path
 
@@ -319,6 +320,17 @@ def test_correction_tables_are_told(tmp_path):
             note for note in raw(tmp_path, version, transformer=lines).notes if "impedance correction table 7" in note
         ]
         assert len(notes) == 1
+
+
+@pytest.mark.parametrize("version", [30, 33, 34, 35])
+def test_a_correction_table_hides_nothing_behind_it(tmp_path, version):
+    """A line of zeros, with which the table may continue, is no end of its section."""
+    behind = {"facts": ["'F', 12, 13, 1"]}
+    table = ["7, 0.9, 1.01, 1.0, 1.0, 1.1, 0.99", "0, 0, 0", "8, 0.9, 1.01", "0.0, 0.0, 0.0"]
+    alone, beside = (raw(tmp_path, version, impedance=lines, **behind) for lines in ([], table))
+    told, wanted = ([re.sub(r" line \d+", "", note) for note in case.notes] for case in (beside, alone))
+    assert "FACTS" in str(wanted)
+    assert (beside, told) == (alone, wanted)
 
 
 def test_the_star_point_begins_at_the_voltage_at_which_its_currents_sum_to_zero(tmp_path):

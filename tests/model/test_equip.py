@@ -74,6 +74,8 @@ def test_values_and_removals_that_make_no_case(case):
         case.without_device("pss")
     with pytest.raises(StudyError, match="has no machine 9"):
         case.without_device("sexs", 9)
+    with pytest.raises(StudyError, match="has no pss at 4"):
+        case.with_device("pss", 2, **PSS).without_device("pss", (2, 4))
 
 
 def test_a_converter_replaces_a_machine_with_its_controls_and_back():

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mixed import mixed
 from systems import CLASSICAL, doubled, rebased, small
 
 from stabctl import io
@@ -106,6 +107,34 @@ def test_remainder_of_reactive_power_is_shared_by_base_where_bases_differ():
     flow = powerflow.solve(replace(case, machines=machines))
     assert flow.S[0].imag == pytest.approx(3 * flow.S[1].imag, rel=1e-12)
     assert flow.S[0].real == pytest.approx(flow.S[1].real, rel=1e-12)
+
+
+def test_rows_of_the_table_hold_all_that_stands_at_a_bus():
+    """Two machines at some buses, two loads at another, a link, and loads whose p and q are those of a voltage."""
+
+    def law(load, V):
+        m = V / (load.v or V)
+        return complex(
+            load.p * (load.p_power + load.p_current * m + (1 - load.p_power - load.p_current) * m**2),
+            load.q * (load.q_power + load.q_current * m + (1 - load.q_power - load.q_current) * m**2),
+        )
+
+    flow = mixed().power_flow()
+    table, base, case = flow.df, flow.case.base_mva, flow.case
+    for bus, row in table.iterrows():
+        made = sum(S * base for m, S in zip(case.machines, flow.S, strict=True) if m.bus == bus)
+        drawn = sum(law(load, row.v_pu) for load in case.loads if load.bus == bus)
+        drawn += sum(k.p * (k.from_bus == bus) - (k.p - k.loss) * (k.to_bus == bus) for k in case.links)
+        assert complex(row.p_gen_mw, row.q_gen_mvar) == pytest.approx(made, abs=1e-9)
+        assert complex(row.p_load_mw, row.q_load_mvar) == pytest.approx(drawn, abs=1e-9)
+
+
+def test_where_the_stored_voltages_lead_nowhere_the_start_is_flat():
+    """Every island at the angle of its own swing bus."""
+    case = mixed()
+    far = replace(case, buses=tuple(b._replace(v=0.01, angle=150.0) if b.kind == "pq" else b for b in case.buses))
+    found, wanted = powerflow.solve(far), powerflow.solve(case)
+    assert np.abs(found.V - wanted.V).max() < 1e-9
 
 
 def test_taps_phase_shifts_shunts_and_links_stand_where_the_format_says():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from records import gencls
 from systems import CLASSICAL, REGC, TWO_AXES, TYPE_J, small
+from uneven import uneven
 
 import stabctl as st
 from stabctl import devices
@@ -125,6 +126,14 @@ def test_figures_show_what_was_found():
     ax = ratio.plot()
     widths = sorted(bar.get_width() for bar in ax.patches)
     assert widths == pytest.approx(sorted([*ratio.ratio, *ratio.equivalent]))
-    assert sorted(bar.get_width() for bar in found.short_circuit().plot().patches) == pytest.approx(
-        sorted(found.short_circuit().mva)
-    )
+
+
+def test_bars_have_the_names_of_their_buses():
+    """The weakest first, and of the numbers of the case."""
+    found = uneven().short_circuit()
+    ax = found.plot(most=4)
+    named = dict(zip(found.df.bus, found.df.short_circuit_mva, strict=True))
+    shown = {text.get_text(): bar.get_width() for text, bar in zip(ax.get_yticklabels(), ax.patches, strict=True)}
+    weakest = sorted(named, key=named.get)[:4]
+    assert list(shown) == [f"bus {bus}" for bus in weakest]
+    assert list(shown.values()) == pytest.approx([named[bus] for bus in weakest])

@@ -234,6 +234,20 @@ def test_the_command(stabctl, table, tmp_path):
     assert all(s["mw"] % 12.5 == 0 for s in record["sites"] if s["bus"] == 29)
 
 
+def test_the_prices_of_the_command(stabctl, tmp_path):
+    """Each goes to what it is the price of."""
+    file = tmp_path / "fault.toml"
+    file.write_text('[[contingency]]\nfault = "7"\ntrip = "7-8"\nclear = "9cyc"\n')
+    words = ("place", "two_area", "--classical", "--contingencies", file, "--observe", 2)
+    words += ("--cost-mw", 2, "--cost-site", 30, "--cost-mwh", 500)
+    code, out, _ = stabctl(*words, "--json")
+    found = json.loads(out)
+    assert code == 0
+    assert found["total_mw"] > 0
+    paid = 2 * found["total_mw"] + 30 * len(found["sites"]) + 500 * found["total_mwh"]
+    assert found["cost"] == pytest.approx(paid, rel=1e-12)
+
+
 def test_cases_and_load_levels_of_the_command_have_names(case):
     from stabctl.cli.place import _operating_points
 

@@ -263,6 +263,20 @@ def test_the_closed_loop_with_the_gain_of_a_limit_cycle_neither_decays_nor_grows
         assert np.abs(values - 2j * np.pi * cycle.frequency_hz).min() < 1e-6
 
 
+def test_of_several_outputs_each_has_the_gain_at_its_own_amplitude():
+    trial = CYCLES["four relays 1.2 mHz, 300 ms"]
+    base = trial.base()
+    found = trial.found(base)
+    assert found.cycles
+    for cycle, curve in zip(found.cycles, found.curves, strict=True):
+        N = [curve.acts.gain(one.amplitude) for one in cycle.wanted]
+        each = control.ss([], [], [], np.diag(N))
+        linear = st.Controller.from_control(each, "deviation", "order", rate=60, delay=trial.delay / 60)
+        values = base.closed_loop(linear).modes().eigenvalues
+        assert np.abs(values - 2j * np.pi * cycle.frequency_hz).min() < 1e-6
+        assert cycle.inverse == pytest.approx(-1 / N[np.argmax([one.amplitude for one in cycle.wanted])])
+
+
 def test_the_third_harmonic_goes_around_the_loop_at_three_times_the_frequency():
     trial = CYCLES["relay 1.2 mHz, 200 ms"]
     found = trial.found(trial.base())

@@ -180,6 +180,24 @@ def test_the_figure_has_the_margins_at_the_loop_gain(base):
     assert abs(np.diff(crossover.get_ydata())[0]) == pytest.approx(loop.phase_deg)
 
 
+def test_every_curve_is_that_of_the_loop_in_its_legend(base):
+    """The smallest disk margin is first, and every margin ends on the curve of its color."""
+    found = base.margins(stabilizer(1), damper(), stabilizer(3))
+    size, phase = found.plot().axes
+    shown = [next(r for r in found.loops if line.get_label().startswith(r.name)) for line in size.lines[:3]]
+    assert shown == sorted(found.loops, key=lambda loop: loop.disk) != list(found.loops)
+    ended = 0
+    for ax in (size, phase):
+        curves = {line.get_color(): line for line in ax.lines if len(line.get_xdata()) > 2}
+        for color, loop in zip(curves, shown, strict=True):
+            hz = loop.gain_up_hz if ax is size else loop.phase_hz
+            for margin in (line for line in ax.lines if line.get_color() == color and line is not curves[color]):
+                assert margin.get_xdata() == pytest.approx([hz, hz])
+                assert np.abs(margin.get_ydata() - np.interp(hz, *curves[color].get_data())).min() < 0.5  # dB, deg
+                ended += 1
+    assert ended == 3  # two phase margins and a gain margin
+
+
 def test_which_loops_have_a_gain(base):
     """None next to sampled controllers for continuous ones, none with two rates."""
     mixed = base.margins(damper(rate=60), stabilizer(3))

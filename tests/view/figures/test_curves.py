@@ -226,6 +226,22 @@ def test_eigenvalues_and_lines_of_constant_damping(points):
         assert float(text.get_text().removesuffix(" %")) == pytest.approx(100 * ratio)
 
 
+def test_every_unstable_oscillation_lies_inside(points):
+    """Also one that is neither a swing nor the least damped."""
+    modes = analyze(linearize(points("two_area")))
+    others = np.flatnonzero((modes.eigenvalues.imag > 0) & ~modes.electromechanical)[:2]
+    values = modes.eigenvalues.copy()
+    values[others] = 0.8 + 1j, 1.5 + 6j
+    made = replace(modes, eigenvalues=values)
+    assert others[1] not in [*made.swings(), *made.least_damped()]
+    ax = made.plot()
+    (unstable,) = (line for line in ax.lines if line.get_label() == "unstable")
+    assert data(unstable).T == pytest.approx(np.array([[0.8, 1 / (2 * np.pi)], [1.5, 6 / (2 * np.pi)]]))
+    for (low, high), at in zip((ax.get_xlim(), ax.get_ylim()), data(unstable), strict=True):
+        assert (low < at).all()
+        assert (at < high).all()
+
+
 def test_a_frequency_response(points):
     model = linearize(points("two_area"), "vref:2, vref:3", "speed:2, voltage:7")
     magnitude, phase = model.plot(band=(0.1, 2.0)).axes[:2]

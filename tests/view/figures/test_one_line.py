@@ -110,6 +110,16 @@ def test_voltages_and_loading_are_those_of_the_power_flow(cases):
     assert list(line.df.index) == [b.bus for b in case.buses]
 
 
+def test_a_transformer_has_a_ratio_or_joins_two_voltages(cases):
+    case = cases("two_area")
+    buses = tuple(b._replace(rated=20.0 if b.bus == 7 else 230.0) for b in case.buses)
+    branches = [k._replace(tap=1.0, phase=0.0) for k in case.branches]
+    branches[0], branches[1] = branches[0]._replace(tap=0.98), branches[1]._replace(phase=3.0)
+    line = replace(case, buses=buses, branches=tuple(branches)).one_line()
+    between = [7 in (k.from_bus, k.to_bus) for k in branches]
+    assert line.transformer.tolist() == [True, True, *between[2:]]
+
+
 def test_parallel_circuits_are_beside_each_other(cases):
     line = one_line(cases("two_area"))
     rows = [k for k, name in enumerate(line.circuits) if name.startswith("8-9")]
