@@ -65,6 +65,16 @@ def test_complaints(case, model, at, values, told):
         case.with_device(model, at, **values)
 
 
+def test_of_several_loads_at_a_bus_one_is_meant():
+    case = io.load("two_area").with_load(7, 50.0, 5.0, id="2").with_motors("40%")
+    assert set(case.devices["cim"]) == {7, 9, "7#2"}
+    assert set(case.without_device("cim", "7#2").devices["cim"]) == {7, 9}
+    assert set(case.without_device("cim", 7).devices["cim"]) == {9, "7#2"}
+    fewer = case.without_device("cim", ["7#2", 9])
+    assert set(fewer.devices["cim"]) == {7}
+    assert set(fewer.with_device("cim", "7#2", H=0.4).devices["cim"]) == {7, "7#2"}
+
+
 def test_values_and_removals_that_make_no_case(case):
     with pytest.raises(CaseError, match=r"two_area_thyristor cannot have pss at 1: .*Tw"):
         case.with_device("pss", 1, **PSS | {"Tw": -1})
