@@ -9,6 +9,7 @@ from typing import Any
 from stabctl._util.errors import StudyError, shown
 from stabctl.controllers import BangBang, Feedback, Law
 from stabctl.controllers.controller import Controller
+from stabctl.devices import every
 from stabctl.devices.storage import MODELS
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
@@ -20,6 +21,7 @@ AT, UNTIL = 1.0, 10.0  # s   of the fault, and the end of a run
 LAWS = "bang-bang", "feedback", "idle"
 FILE = "file"  # instead of these: the law of a file
 KEPT = 24  # operating points
+STORES = tuple(name for name, one in MODELS.items() if not every()[one.device].kit.finite)  # others need an energy
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ def read(given: Any) -> State:
             raise StudyError(f"The page has no setting {name!r}.")
         found[name] = _value(name, value, known[name])
     state = State(**found)
-    for what, chosen, known_ones in (("law", state.law, (*LAWS, FILE)), ("storage model", state.store, MODELS)):
+    for what, chosen, known_ones in (("law", state.law, (*LAWS, FILE)), ("storage model", state.store, STORES)):
         if chosen not in known_ones:
             raise StudyError(f"There is no {what} {chosen!r}; choose one of {', '.join(known_ones)}.")
     if min(state.clear, state.required, state.percent, state.delay, *state.megawatts.values(), 0) < 0:

@@ -179,6 +179,13 @@ def test_copied_lines_give_the_run_of_the_page(points, settings, capsys, monkeyp
     assert json.loads(capsys.readouterr().out)["message"] == head["runs"][""]["message"]
 
 
+def test_every_model_of_storage_that_is_offered_runs(points):
+    for store in page.about(points)["stores"]:
+        points.of(read({"fault": "7", "percent": 1.0, "store": store}))
+    with pytest.raises(StudyError, match="There is no storage model 'supercap'; choose one of ideal, regc, "):
+        read({"store": "supercap"})
+
+
 @pytest.mark.parametrize("law", ["", "bang-bang", "idle", "file"])
 def test_files_of_controllers_act_in_every_run(cases, tmp_path, capsys, monkeypatch, law):
     """A damper of the excitation and a storage law, each from a file: the page has the run of the copied lines."""
