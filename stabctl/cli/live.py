@@ -54,6 +54,7 @@ def source(case: groups.CaseOptions) -> "Source":
         words += ["--set", text]
     for file in case.device or ():
         words += ["--device", file]
+    before = "".join(f"st.register({file!r}); " for file in case.device or ())
     if case.classical:
         python, words = f"{python}.classical()", [*words, "--classical"]
-    return Source(python, tuple(words))
+    return Source(python, tuple(words), before=before)

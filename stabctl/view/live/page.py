@@ -80,8 +80,9 @@ def about(points: Points) -> dict[str, Any]:
         "gains": answers.gains(case),
         "laws": points.laws,
         "stores": STORES,
+        "storage": [s.machine for s in case.storage],  # of its own
         "controllers": [str(one.name) for one in points.controllers],
-        "first": {name: getattr(points.first, name) for name in ("fault", "trip", "clear")},
+        "first": {name: getattr(points.first, name) for name in ("fault", "trip", "clear", "law")},
         "style": {"colors": COLORS, "areas": AREAS, "voltages": VOLTAGES, "clearing": CLEARING, "labels": LABELS},
     }
 
