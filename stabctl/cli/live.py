@@ -54,7 +54,6 @@ def source(case: groups.CaseOptions) -> "Source":
         words += ["--set", text]
     for file in case.device or ():
         words += ["--device", file]
-    before = "".join(f"st.register({file!r}); " for file in case.device or ())
     if case.classical:
         python, words = f"{python}.classical()", [*words, "--classical"]
-    return Source(python, tuple(words), before=before)
+    return Source(python, tuple(words), before="".join(f"st.register({file!r}); " for file in case.device or ()))

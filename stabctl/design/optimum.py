@@ -132,10 +132,8 @@ class Optimum(Tabular):
     @property
     def energy_kwh(self) -> np.ndarray:
         """Most energy that every device absorbed or injected since the first order (devices), kWh."""
-        inside = (self.run.time >= self.schedule.start - 1e-9) & (
-            self.run.time <= self.cleared + self.time[-1] + 1 / self.schedule.rate + 1e-9
-        )
-        energy = self.run.arrays.energy[inside]
+        t, end = self.run.time, self.cleared + self.time[-1] + 1 / self.schedule.rate
+        energy = self.run.arrays.energy[(t >= self.schedule.start - 1e-9) & (t <= end + 1e-9)]
         return 1e3 * np.abs(energy - energy[0]).max(axis=0)
 
     @property
