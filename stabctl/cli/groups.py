@@ -82,6 +82,7 @@ class StorageOptions(NamedTuple):
     characteristic: options.Characteristic = "power"
     lag: options.Lag = "0s"
     storage_model: options.StorageModel = "ideal"
+    storage_energy: options.StorageEnergy = 0.0
     storage_mva: options.Mva = None
     converter: options.Converter = ""
 
@@ -94,21 +95,21 @@ class StorageOptions(NamedTuple):
             raise StudyError("--storage and --storage-at cannot be used together; give one of them.")
         sizes = self.storage if self.storage is not None else self.storage_at
         if sizes is not None:
-            connected = connection(self.storage_model, self.storage_mva, self.converter)
+            connected = connection(self.storage_model, self.storage_energy, self.storage_mva, self.converter)
             lag = shared.lag(self.lag, case)
             case = case.with_storage(sizes, characteristic=self.characteristic, lag=lag, **connected)
         elif self != StorageOptions():
             raise StudyError(
-                "--characteristic, --lag, --storage-model, --storage-mva and --converter are for devices given with "
-                "--storage or --storage-at; give one of these, or fill the columns of storage.csv."
+                "--characteristic, --lag, --storage-model, --storage-energy, --storage-mva and --converter are for "
+                "devices given with --storage or --storage-at; give one of these, or fill the columns of storage.csv."
             )
         return initialize(case)
 
 
-def connection(model: str, mva: str | None, converter: str) -> dict[str, Any]:
-    """Columns of storage devices: how they are connected, of what MVA."""
-    given = {"storage_model": model, "converter": converter, "mva": mva}
-    return {name: value for name, value in given.items() if value not in ("ideal", "", None)}
+def connection(model: str, energy: float, mva: str | None, converter: str) -> dict[str, Any]:
+    """Columns of storage devices: how they are connected, of what energy and MVA."""
+    given = {"storage_model": model, "energy": energy, "converter": converter, "mva": mva}
+    return {name: value for name, value in given.items() if value not in ("ideal", 0.0, "", None)}
 
 
 def law_of(files: "Iterable[Controller | Law]") -> "Law | None":

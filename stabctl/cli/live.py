@@ -56,4 +56,4 @@ def source(case: groups.CaseOptions) -> "Source":
         words += ["--device", file]
     if case.classical:
         python, words = f"{python}.classical()", [*words, "--classical"]
-    return Source(python, tuple(words))
+    return Source(python, tuple(words), before="".join(f"st.register({file!r}); " for file in case.device or ()))

@@ -170,6 +170,15 @@ StorageModel = Annotated[
         "alone or as in supercap_regc.",
     ),
 ]
+StorageEnergy = Annotated[
+    float,
+    Option(
+        "--storage-energy",
+        metavar="ENERGY",
+        parser=in_unit("MWh"),
+        help="Energy capacity of every device, 5kWh or MWh (0: no limit); supercap and flywheel need one.",
+    ),
+]
 Mva = Annotated[
     str | None,
     Option(

@@ -78,6 +78,7 @@ def place(
     characteristic: options.Characteristic = "power",
     lag: options.Lag = "0s",
     storage_model: options.StorageModel = "ideal",
+    storage_energy: options.StorageEnergy = 0.0,
     storage_mva: options.Mva = None,
     converter: options.Converter = "",
     law: groups.LawOptions,
@@ -127,7 +128,7 @@ def place(
             device={
                 "characteristic": characteristic,
                 "lag": shared.lag(lag, loaded),
-                **groups.connection(storage_model, storage_mva, converter),
+                **groups.connection(storage_model, storage_energy, storage_mva, converter),
             },
             observe=observe,
             longest=longest,

@@ -35,6 +35,7 @@ class Window(NamedTuple):
     frame: np.ndarray  # (rows) frame of the schedule at every row, negative before the first
     moves: np.ndarray  # (rows, rotors) rad
     first: int  # row at which the schedule begins
+    acts: np.ndarray  # (frames, devices) whether a device follows its order: the frame does not begin at low voltage
 
     @property
     def largest(self) -> float:
@@ -165,12 +166,16 @@ def window(scheduled: Scheduled, plan: Plan, run: Trajectory, limit: float = np.
     start = trial.cleared(plan.k) - plan.before / plan.rate
     frame = np.floor((run.time - start) * plan.rate + 1e-6).astype(int)
     inside = frame < len(plan.orders)
+    number, row = np.unique(frame[inside], return_index=True)
+    bus = [run.point.net.place[s.bus] for s in run.point.case.storage]
+    acts = np.ones(plan.orders.shape, bool)
+    acts[number[number >= 0]] = np.abs(run.arrays.V[row[number >= 0]][:, bus]) >= scheduled.law.min_voltage
     moves = run.arrays.swing
     inside &= np.maximum.accumulate(np.abs(moves).max(axis=1)) <= limit
-    return Window(run.time[inside], frame[inside], moves[inside], int(np.searchsorted(frame, 0)))
+    return Window(run.time[inside], frame[inside], moves[inside], int(np.searchsorted(frame, 0)), acts)
 
 
-def slopes(scheduled: Scheduled, plan: Plan, run: Trajectory, seen: Window) -> Slopes:
+def slopes(plan: Plan, run: Trajectory, seen: Window) -> Slopes:
     """Derivatives of the excursion by the orders that act; those of a device that is idle at low voltage are 0."""
     point = run.point
     rows, rotors = _followed(seen)
@@ -182,13 +187,10 @@ def slopes(scheduled: Scheduled, plan: Plan, run: Trajectory, seen: Window) -> S
     every = np.arange(len(seen.time))
     shown.append(Shown(every, 2 / len(every) * seen.moves @ from_coi))
     by_step = gradients(run, shown, seen.first)[: len(every)]
-    bus = [point.net.place[s.bus] for s in point.case.storage]
-    order = run.arrays.order[: len(by_step)]
-    acts = (order != 0) | (np.abs(run.arrays.V[: len(by_step), bus]) >= scheduled.law.min_voltage)
-    found = np.zeros((len(plan.orders), len(bus), len(shown)))
+    found = np.zeros((*plan.orders.shape, len(shown)))
     mine = seen.frame[: len(by_step)] >= 0
-    np.add.at(found, seen.frame[: len(by_step)][mine], (by_step * acts[:, :, None])[mine])
-    flat = found.reshape(-1, len(shown)).T
+    np.add.at(found, seen.frame[: len(by_step)][mine], by_step[mine])
+    flat = (found * seen.acts[:, :, None]).reshape(-1, len(shown)).T
     return Slopes(np.abs(seen.moves[rows, rotors]), flat[:-1], flat[-1])
 
 

@@ -4,15 +4,16 @@ Every convex program changes the orders by a linear model of the excursion:
 
     minimize    t + SHARE (gradient of the mean) d + TINY |d|^2 / number
     subject to  m + G d <= t,   |d| <= radius,   -1 <= u + d <= 1,
-                ramp limits, and limits on the energy absorbed since the first frame
+                limits on the energy absorbed since the first frame
 
-with the present orders u, their changes d, and the moves m with their derivatives G.
+with the present orders u, their changes d, and the moves m with their derivatives G. Orders in frames in which a device
+is idle at low voltage are 0.
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,7 @@ FALL, SLIGHT = 2e-4, 0.02  # rad   falls of the excursion that end the search, a
 EASY = 0.03  # of the clearing time under the law, by which the first fault is shorter: its run is less sensitive
 BEYOND = 1.1  # times the largest move survived, up to which the moves of a run that is lost are followed
 RESCUES = 4  # convex programs for a fault that the present schedule does not survive
+SMALL = 1e-9  # MWh   by which the solver may miss a limit
 TINY = 1e-4  # rad   keeps orders that have no effect where they are
 
 
@@ -52,38 +54,20 @@ class Bounds:
         Ratings of the devices, MW.
     empty, full
         Least and most energy absorbed since the first frame (devices), MWh; infinite if unlimited.
-    ramp
-        Largest change of the order (devices), ratings per second; infinite if unlimited.
     """
 
     rating: np.ndarray
     empty: np.ndarray
     full: np.ndarray
-    ramp: np.ndarray
 
     def energy(self, orders: np.ndarray, rate: float) -> np.ndarray:
         """Energy absorbed since the first frame, at rated voltage (frames, devices), MWh; `rate` in 1/s."""
         return np.cumsum(orders, axis=0) * self.rating / rate / 3600
 
-    def within(self, d: Any, u: np.ndarray, rate: float) -> list[Any]:
-        """The constraints on changes d (frames, devices) of orders u, besides the ratings."""
-        import cvxpy as cp
-
-        out = []
-        stores = np.flatnonzero(np.isfinite(self.full) | np.isfinite(self.empty))
-        if len(stores):
-            level = cp.cumsum((u + d)[:, stores], axis=0) / (3600 * rate)
-            per = self.rating[stores][None, :]
-            out += [
-                cp.multiply(level, per) <= self.full[stores][None, :],
-                cp.multiply(level, per) >= self.empty[stores][None, :],
-            ]
-        slow = np.flatnonzero(np.isfinite(self.ramp))
-        if len(slow):
-            change = (u + d)[1:, slow] - (u + d)[:-1, slow]
-            reach = self.ramp[slow][None, :] / rate
-            out += [change <= reach, change >= -reach]
-        return out
+    def kept(self, plan: Plan) -> bool:
+        """Whether a plan keeps the limits."""
+        level = self.energy(plan.orders, plan.rate)
+        return bool(np.all((level <= self.full + SMALL) & (level >= self.empty - SMALL)))
 
 
 @dataclass
@@ -116,12 +100,11 @@ class ScheduleSearch:
         )
 
     def _allowed(self, plan: Plan) -> Plan:
-        """The plan with orders scaled down until they keep the limits on energy and ramp."""
+        """The plan with orders scaled down until they keep the limits on energy."""
         b = self.bounds
         level = b.energy(plan.orders, plan.rate)
         over = np.maximum(level.max(axis=0) / b.full, level.min(axis=0) / b.empty)
-        change = np.abs(np.diff(plan.orders, axis=0)).max(axis=0, initial=0.0) * plan.rate / b.ramp
-        return replace(plan, orders=plan.orders / np.maximum(1.0, np.nan_to_num(np.maximum(over, change))))
+        return replace(plan, orders=plan.orders / np.maximum(1.0, np.nan_to_num(over)))
 
     @property
     def excursion(self) -> float:
@@ -147,10 +130,10 @@ class ScheduleSearch:
 
     def _improve(self) -> tuple[float, str]:
         """One convex program, with smaller trust regions until its orders are better; the fall of the excursion."""
-        model = slopes(self.scheduled, self.plan, self.run, self.window)
+        model = slopes(self.plan, self.run, self.window)
         before, status = self.excursion, "none"
         while self.radius > LEAST:
-            orders, foretold, status = improved(self.plan, model, self.bounds, self.radius)
+            orders, foretold, status = improved(self.plan, model, self.window.acts, self.bounds, self.radius)
             if foretold < FALL / 10:
                 return 0.0, status
             tried = replace(self.plan, orders=orders)
@@ -188,9 +171,10 @@ class ScheduleSearch:
         plan, limit = self._longer(k), BEYOND * self.window.largest
         run, radius = self.scheduled.run(plan), 0.5
         for _ in range(RESCUES):
-            model = slopes(self.scheduled, plan, run, window(self.scheduled, plan, run, limit))
+            seen = window(self.scheduled, plan, run, limit)
+            model = slopes(plan, run, seen)
             while radius > 10 * LEAST:
-                orders, _fall, _status = improved(plan, model, self.bounds, radius)
+                orders, _fall, _status = improved(plan, model, seen.acts, self.bounds, radius)
                 tried = replace(plan, orders=orders)
                 if self._try(tried):
                     self.radius = max(self.radius, radius)
@@ -203,30 +187,40 @@ class ScheduleSearch:
         return False
 
     def _survives(self, k: int) -> bool:
-        self.simulations += 1
-        return self.scheduled.run(self._longer(k)).outcome.stable
+        return self._played(self._longer(k)) is not None
 
     def _longer(self, k: int) -> Plan:
         """The present plan for another duration of the fault."""
         return self._allowed(self.scheduled.plan(k, self.plan))
 
-    def _try(self, plan: Plan) -> bool:
-        """Adopt a plan if its run is stable."""
+    def _played(self, plan: Plan) -> tuple[Plan, Trajectory, Window] | None:
+        """What a plan does, orders of idle devices at 0; None if it is lost, or takes more energy than allowed."""
         self.simulations += 1
         run = self.scheduled.run(plan)
-        if run.outcome.stable:
-            self.plan, self.run = plan, run
-            self.window = window(self.scheduled, plan, run)
-        return run.outcome.stable
+        if not run.outcome.stable:
+            return None
+        seen = window(self.scheduled, plan, run)
+        plan = replace(plan, orders=plan.orders * seen.acts)
+        return (plan, run, seen) if self.bounds.kept(plan) else None
+
+    def _try(self, plan: Plan) -> bool:
+        """Adopt a plan if it is survived within the limits."""
+        found = self._played(plan)
+        if found:
+            self.plan, self.run, self.window = found
+        return found is not None
 
     def _cycles(self, k: int) -> float:
         return k * self.scheduled.trial.search.resolution_cycles
 
 
-def improved(plan: Plan, model: Slopes, bounds: Bounds, radius: float) -> tuple[np.ndarray, float, str]:
+def improved(
+    plan: Plan, model: Slopes, acts: np.ndarray, bounds: Bounds, radius: float
+) -> tuple[np.ndarray, float, str]:
     """The orders (frames, devices) that the model prefers, the fall of the excursion that it predicts, and the status.
 
-    Where the solver finds nothing, the orders are the present ones and the fall is 0.
+    Energy is taken in the frames in which a device `acts` (frames, devices). Where the solver finds nothing, the orders
+    are the present ones and the fall is 0.
     """
     import cvxpy as cp
 
@@ -235,7 +229,10 @@ def improved(plan: Plan, model: Slopes, bounds: Bounds, radius: float) -> tuple[
     change = cp.vec(d, order="C")
     cost = t + SHARE * (model.of_mean @ change) + TINY * cp.sum_squares(d) / u.size
     low, high = np.maximum(-radius, -1 - u), np.minimum(radius, 1 - u)
-    limits = [model.moves + model.of_moves @ change <= t, d >= low, d <= high, *bounds.within(d, u, plan.rate)]
+    limits = [model.moves + model.of_moves @ change <= t, d >= low, d <= high]
+    for j in np.flatnonzero(np.isfinite(bounds.full) | np.isfinite(bounds.empty)):
+        level = cp.cumsum(cp.multiply(acts[:, j], u[:, j] + d[:, j])) * (bounds.rating[j] / plan.rate / 3600)
+        limits += [level <= bounds.full[j], level >= bounds.empty[j]]
     problem = cp.Problem(cp.Minimize(cost), limits)
     try:
         problem.solve(solver=cp.CLARABEL)

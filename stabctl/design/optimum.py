@@ -24,6 +24,7 @@ from stabctl.clearing.result import ClearingTime, watched
 from stabctl.clearing.trial import Run, Search, Trial
 from stabctl.controllers import BangBang
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
+from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.fleet import Fleet
 from stabctl.simulation.contingency import Contingency
@@ -130,9 +131,10 @@ class Optimum(Tabular):
 
     @property
     def energy_kwh(self) -> np.ndarray:
-        """Range of the energy of every device over the schedule (devices), kWh."""
-        inside = self.run.time <= self.cleared + self.time[-1] + 1 / self.schedule.rate + 1e-9
-        return 1e3 * np.ptp(self.run.arrays.energy[inside], axis=0)
+        """Most energy that every device absorbed or injected since the first order (devices), kWh."""
+        t, end = self.run.time, self.cleared + self.time[-1] + 1 / self.schedule.rate
+        energy = self.run.arrays.energy[(t >= self.schedule.start - 1e-9) & (t <= end + 1e-9)]
+        return 1e3 * np.abs(energy - energy[0]).max(axis=0)
 
     @property
     def peak(self) -> tuple[int | str, float, float]:
@@ -250,6 +252,11 @@ def optimum(
         raise StudyError(f"iterations = {shown(iterations)} is not a number of convex programs; give at least 1.")
     if not case.storage:
         raise StudyError(f"{case.name} has no storage to schedule; give storage='50MW', for example.")
+    limited = [str(key) for key, s in zip(naming.keys(case, "storage"), case.storage, strict=True) if s.ramp]
+    if limited:
+        raise StudyError(
+            f"Schedules cannot be planned for devices with a ramp limit ({', '.join(limited)}); set their ramp to 0."
+        )
     contingency = (contingency if isinstance(contingency, Contingency) else Contingency(contingency)).placed(case)
     length = seconds(window, case.frequency_hz)
     if isinstance(rate, bool) or not isinstance(rate, int) or not 1 <= rate <= 1000:
@@ -293,11 +300,10 @@ def optimum(
 def _bounds(point: OperatingPoint, most: float) -> Bounds:
     """The limits of the devices, and that of the energy (MWh) per device."""
     fleet = point.case.storage
-    capacity, charge, ramp, rating, loss = np.array(
-        [(s.energy or math.inf, s.charge, s.ramp or math.inf, s.rating, math.sqrt(s.efficiency)) for s in fleet]
+    capacity, charge, rating, loss = np.array(
+        [(s.energy or math.inf, s.charge, s.rating, math.sqrt(s.efficiency)) for s in fleet]
     ).T
     with np.errstate(invalid="ignore"):
         full = np.where(np.isfinite(capacity), capacity * (1 - charge) / loss, math.inf)
         empty = np.where(np.isfinite(capacity), capacity * charge * loss, math.inf)
-    per_s = np.divide(ramp, rating, out=np.full(len(fleet), math.inf), where=rating > 0)
-    return Bounds(rating, -np.minimum(empty, most), np.minimum(full, most), per_s)
+    return Bounds(rating, -np.minimum(empty, most), np.minimum(full, most))

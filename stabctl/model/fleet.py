@@ -151,7 +151,13 @@ def _equipped(device: Storage, options: Mapping[str, Any]) -> Storage:
         options = {**options, "mva": mva.share * device.rating}
     elif isinstance(mva, Voltage):
         options = {**options, "mva": device.rating * max(1.0, 1 / (_current_limit(options) * mva.pu))}
-    return device._replace(**options)
+    made = device._replace(**options)
+    if not made.energy and made.storage_model in MODELS and every()[made.device].kit.finite:
+        raise StudyError(
+            f"The power of a {made.storage_model} depends on its stored energy, which must be limited; give its "
+            "capacity: energy='5kWh', or --storage-energy 5kWh."
+        )
+    return made
 
 
 class Percent(NamedTuple):

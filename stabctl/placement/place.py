@@ -169,7 +169,7 @@ def place(
     possible = as_sites(operating_point.solve(case, flow), candidates, cap, costs, flow)
     most = possible.cap
     largest = np.where(possible.module > 0, most, _cutting_planes.down(most, _cutting_planes.decimals(most)))
-    places = fleet.devices(case, _devices(possible, largest), options=device)
+    places = case.with_storage(_devices(possible, largest), **device or {}).storage
     points = [operating_point.solve(fleet.extended(one, (*one.storage, *places))) for one in cases.values()]
     every = scenarios(wanted, len(points), len(case.storage) + len(places) if outages else None)
     targets = BY_SCREEN if isinstance(contingencies, Screen) else ""

@@ -21,7 +21,7 @@ from stabctl.design._excursion import Plan, Scheduled, window
 from stabctl.design._schedule_search import Bounds, ScheduleSearch
 from stabctl.model.case import Case
 from stabctl.model.network import BOLTED
-from stabctl.model.tables import Branch, Bus, Machine
+from stabctl.model.tables import Branch, Bus, Machine, Storage
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulate import simulate
 from stabctl.theory.minimum_time import by_shooting, stop_angle
@@ -106,7 +106,7 @@ def test_orders_that_are_worse_are_not_kept(monkeypatch):
     """Although the fault is survived with them, at every size of the trust region."""
     trial = Trial(_case().initialize(), FAULT, LATE, Search(1.0, observed_s=1.2, step=1 / 120))
     free = np.full(1, np.inf)
-    search = ScheduleSearch(Scheduled(trial, LATE, 30, 0.5), Bounds(np.full(1, PC * BASE), -free, free, free), None)
+    search = ScheduleSearch(Scheduled(trial, LATE, 30, 0.5), Bounds(np.full(1, PC * BASE), -free, free), None)
     search.begin(5)
     kept = search.plan, search.run, search.window
     worse = replace(search.plan, orders=np.full_like(search.plan.orders, -0.5))
@@ -131,6 +131,19 @@ def test_other_events_keep_their_time_from_the_fault(cases, k):
     assert 0.3 <= under.at < 0.3 + 1 / rate + 1e-9
     assert (under.cleared(k) - under.control.start) * rate == pytest.approx(before)
     assert under.cleared(k) * rate == pytest.approx(round(under.cleared(k) * rate))
+
+
+def test_devices_that_are_idle_at_low_voltage_keep_the_limit_on_energy(cases):
+    """Orders that they do not follow are 0 and take no energy."""
+    options = {"rate": 20, "window": "1s", "resolution": "1cyc", "iterations": 2, "observe": "2s", "longest": 0}
+    found = optimum(cases("two_area"), "7-8@0.4", storage="50MW", energy="5kWh", **options)
+    k = np.searchsorted(found.run.time, found.cleared + found.time - 1e-9)
+    assert found.run.arrays.order[k] == pytest.approx(found.schedule.orders, abs=1e-12)
+    assert (found.schedule.orders[: found.before] == 0).any()
+    energy = np.cumsum(found.df.filter(like="absorbed_mw").to_numpy(), axis=0) / found.schedule.rate / 3.6
+    assert np.abs(energy).max() == pytest.approx(5, abs=1e-3)
+    assert found.energy_kwh.max() == pytest.approx(5, abs=0.02)  # losses, and the delay of the devices
+    assert "the energy of the devices" in found.binding
 
 
 @pytest.mark.slow
@@ -158,8 +171,9 @@ def test_the_figure_shows_swings_and_power(longest):
         ({"energy": "-5kWh"}, "energy = '-5kWh' is not allowed; give more than 0"),
         ({"law": None}, "law = None is not allowed; give a BangBang"),
         ({"iterations": 0}, "iterations = 0 is not"),
+        ({"storage": [Storage(1, 4, 20.0, ramp=8.0)]}, r"ramp limit \(1@4\); set their ramp to 0"),
     ],
-    ids=["storage", "rate", "window", "limit", "energy", "negative energy", "law", "iterations"],
+    ids=["storage", "rate", "window", "limit", "energy", "negative energy", "law", "iterations", "ramp"],
 )
 def test_what_is_not_possible_is_said(cases, options, words):
     with pytest.raises(StudyError, match=words):

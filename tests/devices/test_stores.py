@@ -6,7 +6,7 @@ from stored import driven, signal, with_esd
 from systems import one_of
 
 from stabctl import devices
-from stabctl._util.errors import CaseError
+from stabctl._util.errors import StabctlError
 from stabctl.devices.storage import MODELS, STORES
 from stabctl.dynamics import operating_point, storage
 from stabctl.simulation.stages import stages
@@ -152,7 +152,10 @@ def test_at_its_start_nothing_moves_though_a_flywheel_loses():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"energy": 0.0}, "column energy: must be above 0 for a supercap, whose power depends on its stored energy"),
+        (
+            {"energy": 0.0},
+            "power of a supercap depends on its stored energy, which must be limited; give its capacity: energy=",
+        ),
         ({"converter": "Rs=0.5"}, "Icmax = 2 must be at most Vcmin/(2 Rs) = 0.5, the current of most power"),
         ({"converter": "Vcmin=1.2"}, "Vcmin = 1.2 must be a number above 0 and of at most 1"),
         ({"converter": "R=0.1"}, "There is no parameter 'R' of SUPERCAP; choose one of Rs"),
@@ -160,6 +163,6 @@ def test_at_its_start_nothing_moves_though_a_flywheel_loses():
     ],
 )
 def test_what_a_store_cannot_be_is_refused(options, message):
-    with pytest.raises(CaseError) as error:
+    with pytest.raises(StabctlError) as error:
         stored("supercap", **options)
     assert message in str(error.value)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import stabctl as st
-from stabctl._util.errors import StudyError
+from stabctl._util.errors import CaseError, StudyError
 from stabctl.cli.place import _record
 from stabctl.controllers import BangBang
 from stabctl.estimation.estimator_control import EstimatorControl
@@ -321,6 +321,22 @@ def test_the_fleet_that_is_printed_survives(case, both):
     for machine, mwh in zip(printed, np.max(drawn, axis=0), strict=True):
         assert mwh <= found[machine] <= mwh + 1.01e-4
     assert both.cost == both.total_mw
+
+
+def test_new_devices_are_checked_as_elsewhere(case):
+    with pytest.raises(StudyError, match="a flywheel depends on its stored energy"):
+        study(case, NEAR_9, candidates=CANDIDATES[2:], device={"storage_model": "flywheel"})
+    with pytest.raises(CaseError, match="current applies only to ideal devices"):
+        study(case, NEAR_9, candidates=CANDIDATES[2:], device={"storage_model": "regc", "characteristic": "current"})
+
+
+def test_a_fleet_of_supercapacitors_survives_with_the_energy_that_it_was_given(case):
+    device = {"storage_model": "supercap", "energy": 0.05}
+    found = study(case, NEAR_9, candidates=CANDIDATES[2:], device=device)
+    assert [s.energy for s in found.devices] == [0.05]
+    assert 0 < found.total_mwh < 0.05
+    run = case.simulate(NEAR_9, "3s", storage=found.storage(), control=st.BangBang())
+    assert run.outcome.stable
 
 
 def test_the_mva_of_converters_and_the_largest_current_are_those_of_the_fleet(case):

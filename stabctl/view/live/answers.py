@@ -57,9 +57,9 @@ def run_answer(points: Points, state: State, load: commands.Source) -> bytes:
     """The run of a state, and the same without storage if the page compares them."""
     begun = time.perf_counter()
     found = {"": _runs(points.of(state), state.contingency, points.control(state))}
-    if state.compare and state.stored:
-        bare = replace(state, percent=0.0, megawatts={})
-        found["bare."] = _runs(points.of(bare), state.contingency, points.control(bare))
+    if state.compare and state.equipped(points.case):
+        idle = points.control(replace(state, law="idle"))
+        found["bare."] = _runs(points.without(state), state.contingency, idle)
     ran = time.perf_counter()
     arrays: Arrays = {}
     for name, (_, drawn) in found.items():
@@ -83,7 +83,7 @@ def opening(points: Points) -> State:
     Its bus is the one where a lasting fault ends synchronism first, its line the one there with the shortest clearing
     time. In a system of more than `SEARCHED` lines, and where nothing is lost, the fault is on the first line.
     """
-    first, found = State(), lines(points.case).screened
+    first, found = points.first, lines(points.case).screened
     point, control, soonest, worst = points.bare(first), points.control(first), SUSTAINED, ""
     for bus in dict.fromkeys(str(end) for k in found for end in (k.a, k.b)) if len(found) <= SEARCHED else ():
         end = run(point, [Fault(bus, 0.0)], soonest, control, record=False).outcome
@@ -91,7 +91,8 @@ def opening(points: Points) -> State:
             soonest, worst = end.time_s, bus
     pairs = [p for p in screen(point, control=control, buses=worst).pairs if p.cycles] if worst else []
     if pairs:
-        return State(pairs[0].fault, str(pairs[0].trip[0]), min((pairs[0].cycles or 0.0) + 1, MOST_CYCLES))
+        clear = min((pairs[0].cycles or 0.0) + 1, MOST_CYCLES)
+        return replace(first, fault=pairs[0].fault, trip=str(pairs[0].trip[0]), clear=clear)
     return replace(first, fault=f"{found[0]}@0.5" if found else str(points.case.buses[0].bus))
 
 
@@ -123,7 +124,8 @@ def _arrays(run: Trajectory, signals: tuple[str, ...]) -> Arrays:
         elif name == "voltage":
             found[name] = size[:, [case.row_of_bus[m.storage_bus] for m in case.machines]]
         elif name == "storage":
-            found[name] = a.storage
+            owner = [[s.machine == m.machine for m in case.machines] for s in case.storage]
+            found[name] = a.storage @ np.array(owner, float) if owner else a.storage
         else:
             raise StudyError(f"{shown(name)} is not a curve of the page; give speed, angle, voltage or storage.")
     frames = np.unique(np.searchsorted(run.time, np.arange(0, run.time[-1] + 1e-9, 1 / FRAMES)).clip(0, len(a.V) - 1))

@@ -15,6 +15,7 @@ class Source(NamedTuple):
     words: tuple[str, ...]
     controllers: tuple[str, ...] = ()  # files
     law: str = ""  # file of a law
+    before: str = ""  # Python that comes first
 
 
 Lines = dict[str, str]
@@ -25,14 +26,14 @@ def lines(load: Source, case: Case, state: State) -> dict[str, Lines]:
 
     Each in Python, and for the command line if that has an option for every setting.
     """
-    clear, trip = f"'{state.clear:g}cyc'", f", trip={state.trip!r}" if state.trip else ""
+    before, clear, trip = load.before, f"'{state.clear:g}cyc'", f", trip={state.trip!r}" if state.trip else ""
     system, control = _system(load, case, state)
     found: dict[str, Lines] = {
-        "run": {"python": f"{system}.simulate(st.Contingency({state.fault!r}, clear={clear}{trip}){control})"},
-        "critical": {"python": f"{system}.clearing_time(st.Contingency({state.fault!r}{trip}){control})"},
-        "screen": {"python": f"{system}.screen({control.removeprefix(', ')})"},
+        "run": {"python": f"{before}{system}.simulate(st.Contingency({state.fault!r}, clear={clear}{trip}){control})"},
+        "critical": {"python": f"{before}{system}.clearing_time(st.Contingency({state.fault!r}{trip}){control})"},
+        "screen": {"python": f"{before}{system}.screen({control.removeprefix(', ')})"},
     }
-    if state.level == 100 and not (state.plain and (state.law == "feedback" or state.delay)):
+    if state.level == 100 and not (state.equipped(case) and state.plain and (state.law == "feedback" or state.delay)):
         fault = ["--fault", state.fault, *(["--trip", state.trip] if state.trip else [])]
         words = {
             "run": ["simulate", *load.words, *fault, "--clear", f"{state.clear:g}cyc"],
@@ -49,10 +50,10 @@ def of_modes(load: Source, case: Case, level: float, gain: str, factor: float) -
     model, _, name = gain.partition(".")
     start = f"{load.python}{_level(level)}"
     if factor == 1 or not gain:
-        found = {"python": f"{start}.modes()"}
+        found = {"python": f"{load.before}{start}.modes()"}
         return found if level != 100 else found | {"shell": shlex.join(["stabctl", "modes", *load.words])}
     changed = f"{{f'{model}.{{m}}.{name}': {factor:g} * p.{name} for m, p in case.devices[{model!r}].items()}}"
-    found = {"python": f"(case := {start}).set({changed}).modes()"}
+    found = {"python": f"{load.before}(case := {start}).set({changed}).modes()"}
     if level != 100:
         return found
     rows = case.devices[model].items()
@@ -63,7 +64,8 @@ def of_modes(load: Source, case: Case, level: float, gain: str, factor: float) -
 def of_theory(load: Source, level: float, machine: int, cycles: float) -> Lines:
     """The line of the equal areas of a machine."""
     pair = f"equivalent({load.python}{_level(level)}, {machine})"
-    return {"python": f"from stabctl.theory.two_machine import equivalent; area = {pair}.equal_area({cycles:g})"}
+    area = f"from stabctl.theory.two_machine import equivalent; area = {pair}.equal_area({cycles:g})"
+    return {"python": f"{load.before}{area}"}
 
 
 def fleet(case: Case, state: State) -> str | dict[int, str]:
@@ -83,9 +85,10 @@ def _system(load: Source, case: Case, state: State) -> tuple[str, str]:
     """The case with its storage, and the argument for the law."""
     text, acting = f"{load.python}{_level(state.level)}", [f"st.load_controller({name!r})" for name in load.controllers]
     if state.stored:
-        rate = round(case.frequency_hz)
         model = "" if state.store == "ideal" else f", storage_model={state.store!r}"
         text += f".with_storage({fleet(case, state)!r}{model})"
+    if state.equipped(case):
+        rate = round(case.frequency_hz)
         sampled = f".sampled({rate}, {state.delay:g} / {rate})" if state.delay else ""
         law = f"st.load_controller({load.law!r})" if state.law == FILE else f"st.{state.plain!r}{sampled}"
         acting = [law, *acting] if state.plain or state.law == FILE else acting
@@ -97,12 +100,13 @@ def _system(load: Source, case: Case, state: State) -> tuple[str, str]:
 def _options(load: Source, case: Case, state: State) -> list[str]:
     """Storage, its law and controllers as words of the command line."""
     words = [word for name in load.controllers for word in ("--controller", name)]
-    if not state.stored:
+    if not state.equipped(case):
         return words
-    sizes = fleet(case, state)
-    at = isinstance(sizes, dict) and ",".join(f"{m}={size}" for m, size in sizes.items())
-    words += ["--storage-at", at] if at else ["--storage", str(sizes)]
-    words += [] if state.store == "ideal" else ["--storage-model", state.store]
+    if state.stored:
+        sizes = fleet(case, state)
+        at = isinstance(sizes, dict) and ",".join(f"{m}={size}" for m, size in sizes.items())
+        words += ["--storage-at", at] if at else ["--storage", str(sizes)]
+        words += [] if state.store == "ideal" else ["--storage-model", state.store]
     if state.law == FILE:
         return [*words, "--controller", load.law]
     if state.law == "idle":

@@ -10,13 +10,12 @@ from typing import Any
 
 from stabctl._util.errors import StudyError
 from stabctl.clearing.screen_result import lines
-from stabctl.devices.storage import MODELS
 
 from ..diagram import OneLine, one_line, storage
 from ..figures.palette import AREAS, CLEARING, COLORS, LABELS, VOLTAGES, css
 from . import answers
 from .commands import Source
-from .state import Points, State
+from .state import STORES, Points, State
 
 STATIC = Path(__file__).parent / "static"
 SCRIPTS = (
@@ -80,9 +79,10 @@ def about(points: Points) -> dict[str, Any]:
         "states": start.layout.nx,
         "gains": answers.gains(case),
         "laws": points.laws,
-        "stores": list(MODELS),
+        "stores": STORES,
+        "storage": [s.machine for s in case.storage],  # of its own
         "controllers": [str(one.name) for one in points.controllers],
-        "first": {name: getattr(points.first, name) for name in ("fault", "trip", "clear")},
+        "first": {name: getattr(points.first, name) for name in ("fault", "trip", "clear", "law")},
         "style": {"colors": COLORS, "areas": AREAS, "voltages": VOLTAGES, "clearing": CLEARING, "labels": LABELS},
     }
 

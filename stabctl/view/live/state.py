@@ -9,17 +9,19 @@ from typing import Any
 from stabctl._util.errors import StudyError, shown
 from stabctl.controllers import BangBang, Feedback, Law
 from stabctl.controllers.controller import Controller
+from stabctl.devices import every
 from stabctl.devices.storage import MODELS
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
-from stabctl.simulation.control import Control
+from stabctl.simulation.control import Control, ordered
 
 AT, UNTIL = 1.0, 10.0  # s   of the fault, and the end of a run
 LAWS = "bang-bang", "feedback", "idle"
 FILE = "file"  # instead of these: the law of a file
 KEPT = 24  # operating points
+STORES = tuple(name for name, one in MODELS.items() if not every()[one.device].kit.finite)  # others need an energy
 
 
 @dataclass(frozen=True)
@@ -43,13 +45,17 @@ class State:
 
     @property
     def stored(self) -> bool:
-        """Whether there is storage."""
+        """Whether there is storage of the page, in place of the case's own."""
         return self.percent > 0 or any(self.megawatts.values())
+
+    def equipped(self, case: Case) -> bool:
+        """Whether there is storage, of the page or of the case."""
+        return self.stored or bool(case.storage)
 
     @property
     def plain(self) -> BangBang | Feedback | None:
         """The law of the storage devices without the delay."""
-        if not self.stored or self.law in ("idle", FILE):
+        if self.law in ("idle", FILE):
             return None
         if self.law == "feedback":
             return Feedback(self.gain, deadband=self.deadband / 1e3)
@@ -77,7 +83,7 @@ def read(given: Any) -> State:
             raise StudyError(f"The page has no setting {name!r}.")
         found[name] = _value(name, value, known[name])
     state = State(**found)
-    for what, chosen, known_ones in (("law", state.law, (*LAWS, FILE)), ("storage model", state.store, MODELS)):
+    for what, chosen, known_ones in (("law", state.law, (*LAWS, FILE)), ("storage model", state.store, STORES)):
         if chosen not in known_ones:
             raise StudyError(f"There is no {what} {chosen!r}; choose one of {', '.join(known_ones)}.")
     if min(state.clear, state.required, state.percent, state.delay, *state.megawatts.values(), 0) < 0:
@@ -134,8 +140,9 @@ class Points:
     def __init__(self, case: Case, given: Sequence[Law | Controller] = ()) -> None:
         self.case, self._lock = case, RLock()
         self.controllers = [one for one in given if isinstance(one, Controller)]
-        self.first = State()  # with which the page opens
         self.law = next((one for one in given if not isinstance(one, Controller)), None)
+        law = FILE if self.law else "idle" if ordered(self.controllers) else LAWS[0]
+        self.first = State(law=law)  # with which the page opens
         self._bare = lru_cache(KEPT)(self._solve)
         self._equipped = lru_cache(KEPT)(self._equip)
 
@@ -151,23 +158,29 @@ class Points:
 
     def control(self, state: State) -> Control:
         """What acts in a run: the law of the storage devices, and the controllers."""
-        law = self.law if state.law == FILE and state.stored else state.control(self.case.frequency_hz)
+        law = self.law if state.law == FILE else state.control(self.case.frequency_hz)
+        law = law if state.equipped(self.case) else None
         acting: list[Law | Controller] = [*([] if law is None else [law]), *self.controllers]
         return tuple(acting) if self.controllers else law
 
     def of(self, state: State) -> OperatingPoint:
-        """With the storage devices of the state; without any, `bare`."""
+        """With the storage devices of the state; if it has none, those of the case."""
         if not state.stored:
             return self.bare(state)
         with self._lock:
-            point = self._equipped(state.level, state.store)
+            point = self._equipped(state.level, "1%mva", state.store)
         base = {m.machine: m.base for m in self.case.machines}
         share = state.percent / 100
         return point.resized(state.megawatts.get(s.machine, share * base[s.machine]) for s in point.case.storage)
 
+    def without(self, state: State) -> OperatingPoint:
+        """Without storage, at the load level."""
+        with self._lock:
+            return self._equipped(state.level, "none", "ideal") if self.case.storage else self._bare(state.level)
+
     def _solve(self, level: float) -> OperatingPoint:
         return operating_point.solve(self.case if level == 100 else self.case.with_load_level(level / 100))
 
-    def _equip(self, level: float, store: str) -> OperatingPoint:
+    def _equip(self, level: float, sizes: str, store: str) -> OperatingPoint:
         bare = self._bare(level)
-        return operating_point.solve(bare.case.with_storage("1%mva", storage_model=store), bare.flow)
+        return operating_point.solve(bare.case.with_storage(sizes, storage_model=store), bare.flow)

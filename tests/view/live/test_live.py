@@ -179,6 +179,49 @@ def test_copied_lines_give_the_run_of_the_page(points, settings, capsys, monkeyp
     assert json.loads(capsys.readouterr().out)["message"] == head["runs"][""]["message"]
 
 
+@pytest.mark.parametrize(
+    "settings",
+    [{}, {"law": "idle"}, {"law": "feedback", "gain": 0.3}, {"deadband": 400.0}, {"percent": 1.0}, {"compare": True}],
+    ids=["bang-bang", "idle", "feedback", "deadband", "replaced", "compared"],
+)
+def test_the_law_acts_on_storage_of_the_case_as_in_the_commands(cases, stabctl, tmp_path, settings):
+    """Until the page gives devices of its own in their place; without storage there are none."""
+    folder = str(tmp_path / "own")
+    st.write(cases("two_area").with_storage("1=50MW,4=30MW"), folder)
+    own, state = Points(st.load(folder)), replace(State("7", "7-8", clear=11), signals=("storage",), **settings)
+    load = commands.Source(f"st.load({folder!r})", (folder,))
+    head, arrays = unpacked(answers.run_answer(own, state, load))
+    run = eval(head["copy"]["python"], {"st": st})
+    assert run.outcome.message == head["runs"][""]["message"]
+    drawn = run.storage.to_numpy()
+    n = min(len(drawn), len(arrays["storage"])) - 1  # a run that is lost is drawn for a second more
+    if not state.stored:
+        assert np.abs(arrays["storage"][:, 1:3]).max() < 1e-9
+        assert arrays["storage"][:n, [0, 3]] == pytest.approx(drawn[:n], abs=0.01)
+        assert (np.abs(drawn).max() > 0) == (state.law != "idle")
+    if "shell" in head["copy"]:
+        _, said, _ = stabctl(*shlex.split(head["copy"]["shell"])[1:], "--json")
+        assert json.loads(said)["message"] == run.outcome.message
+    if state.compare:
+        bare = st.simulate(cases("two_area"), state.contingency, 10.0)
+        assert head["runs"]["bare."]["message"] == bare.outcome.message
+    assert page.about(own)["storage"] == [1, 4]
+
+
+def test_the_page_opens_with_the_law_of_the_commands(cases):
+    """Bang-bang, that of a file, or none where controllers give the orders."""
+    order = st.Controller("deviation:1", "order:1", [], [], [], [[1]])
+    case = cases("two_area").with_storage("1=50MW")
+    assert [Points(case, given).first.law for given in ([], [st.BangBang()], [order])] == ["bang-bang", "file", "idle"]
+
+
+def test_every_model_of_storage_that_is_offered_runs(points):
+    for store in page.about(points)["stores"]:
+        points.of(read({"fault": "7", "percent": 1.0, "store": store}))
+    with pytest.raises(StudyError, match="There is no storage model 'supercap'; choose one of ideal, regc, "):
+        read({"store": "supercap"})
+
+
 @pytest.mark.parametrize("law", ["", "bang-bang", "idle", "file"])
 def test_files_of_controllers_act_in_every_run(cases, tmp_path, capsys, monkeypatch, law):
     """A damper of the excitation and a storage law, each from a file: the page has the run of the copied lines."""
@@ -256,6 +299,15 @@ def test_how_the_case_was_loaded_is_in_the_lines():
     python = "st.load('two_area', loads='current').with_motors(0.4).set({'pss.1.K': '3'}).classical()"
     assert found == commands.Source(python, words)
     assert eval(found.python, {"st": st}) == options.load()
+    found = source(CaseOptions("two_area", device=["a.py", "b.py"]))
+    assert (found.before, found.words[1:]) == (
+        "st.register('a.py'); st.register('b.py'); ",
+        ("--device", "a.py", "--device", "b.py"),
+    )
+    lines = [*commands.lines(found, st.load("two_area"), FAULT).values()]
+    lines += [commands.of_modes(found, st.load("two_area"), 100, "pss.K", k) for k in (1, 2)]
+    lines += [commands.of_theory(found, 100, 1, 6)]
+    assert all(line["python"].startswith(found.before) for line in lines)
     found = source(CaseOptions("two_area", conventions="psse"))
     assert found == commands.Source("st.load('two_area', conventions='psse')", ("two_area", "--conventions", "psse"))
 

@@ -132,6 +132,26 @@ def test_storage_beside_no_storage(page):
     assert page.evaluate("live.run.arrays.storage.length") == 4
 
 
+def test_it_says_whose_storage_there_is(chromium, tmp_path):
+    """The law acts on devices of the case until ratings on the sliders replace them."""
+    st.write(st.load("two_area").with_storage("1=50MW,4=30MW"), tmp_path / "own")
+    with served(str(tmp_path / "own")) as address, tab(chromium, address + START) as page:
+        settled(page)
+        note = page.locator("#note-percent")
+        assert note.inner_text() == "storage is the case's own 2 devices"
+        assert page.locator("#law").is_visible()
+        assert page.locator("#deadband").is_visible()
+        assert not page.locator("#store").is_visible()
+        assert page.evaluate("inWords(settings())").startswith("the case's own storage, bang-bang")
+        page.click("#signal-storage")
+        settled(page)
+        assert page.evaluate("live.run.arrays.storage.length") == 4
+        move(page, "percent", 2)
+        settled(page)
+        assert note.inner_text() == "in place of the case's own 2 devices"
+        assert page.locator("#store").is_visible()
+
+
 def test_every_view_shows_something(page):
     page.click("#tab-modes")
     until(page, "!!modes.found")

@@ -6,7 +6,7 @@ const CONTROLS = [
   { id: "percent", name: "storage of every machine", min: 0, max: 20, step: 0.5, say: (v) => `${v} % of MVA` },
   { id: "own", name: "storage of", min: 0, max: 100, step: 1, say: (v) => `${v} MW` },
   { id: "deadband", name: "deadband", min: 0, max: 500, step: 10, say: (v) => `${v} mHz`, when: tuned },
-  { id: "gain", name: "gain of the feedback", min: 0, max: 1, step: 0.01, say: (v) => `${v} pu/(rad/s)`, when: (s) => stored(s) && s.law === "feedback" },
+  { id: "gain", name: "gain of the feedback", min: 0, max: 1, step: 0.01, say: (v) => `${v} pu/(rad/s)`, when: (s) => equipped(s) && s.law === "feedback" },
   { id: "delay", name: "communication delay of the law", min: 0, max: 30, step: 1, say: (v) => `${v} cycles, ${((1e3 * v) / live.case.hz).toFixed(0)} ms`, when: tuned },
   { id: "level", name: "load level", min: 50, max: 130, step: 1, say: (v) => `${v} %` },
 ];
@@ -15,8 +15,12 @@ function stored(state) {
   return state.percent > 0 || Object.values(state.megawatts).some((mw) => mw > 0);
 }
 
+function equipped(state) { // whether there is storage, of the page or of the case
+  return stored(state) || live.case.storage.length > 0;
+}
+
 function tuned(state) { // whether the law has settings on the page
-  return stored(state) && !["idle", "file"].includes(state.law);
+  return equipped(state) && !["idle", "file"].includes(state.law);
 }
 
 const controls = {
@@ -33,6 +37,7 @@ const controls = {
       const box = element("div", { className: "control", id: `box-${id}` },
         element("label", { htmlFor: id }, element("span", { id: `name-${id}`, textContent: name }), element("output", { id: `value-${id}` })), slider);
       if (id === "clear") box.append(element("div", { className: "track" }, element("i", { id: "mark-clear", hidden: true }), element("i", { id: "mark-required", hidden: true })), element("div", { className: "note", id: "note-clear" }));
+      if (id === "percent") box.append(element("div", { className: "note", id: "note-percent" }));
       if (id === "own") {
         const choice = element("select", { id: "machine", title: "Machine with a rating of its own", ariaLabel: "Machine with a rating of its own" },
           ...live.case.machines.map((m) => element("option", { value: m[3], textContent: `machine ${m[0]} (${m[2]} MVA)` })));
@@ -116,6 +121,8 @@ const controls = {
     $("own").max = Math.max(10, Math.round(machine[2] / 4));
     const values = { ...s, along: Math.round(100 * (+parted(s.fault)[1] || 0)), own: s.megawatts[own] ?? Math.round((s.percent * machine[2]) / 100) };
     this.own();
+    const devices = live.case.storage.length, theirs = `the case's own ${devices === 1 ? "device" : `${devices} devices`}`;
+    $("note-percent").textContent = devices ? (stored(s) ? `in place of ${theirs}` : `storage is ${theirs}`) : "";
     for (const { id, say, when } of CONTROLS) {
       $(id).value = values[id];
       $(`value-${id}`).textContent = say(values[id]);
@@ -132,19 +139,20 @@ const controls = {
       $("trip").replaceChildren(...names.map((n) => element("option", { value: n, textContent: n || "none" })));
       $("trip").value = s.trip;
     }
-    $("box-law").hidden = $("box-store").hidden = $("box-compare").hidden = !stored(s);
+    $("box-law").hidden = $("box-compare").hidden = !equipped(s);
+    $("box-store").hidden = !stored(s);
     $("law").value = s.law;
     $("store").value = s.store;
     $("compare").checked = s.compare;
     for (const signal of SIGNALS) $(`signal-${signal}`).setAttribute("aria-pressed", s.signals.includes(signal));
-    $("signal-storage").disabled = !stored(s) || !!live.recorded;
+    $("signal-storage").disabled = !equipped(s) || !!live.recorded;
   },
 };
 
 function change(settings) { // a change of the state by the user
   live.mistyped = false;
   Object.assign(live.state, settings);
-  if (!stored(live.state)) live.state.signals = live.state.signals.filter((s) => s !== "storage");
+  if (!equipped(live.state)) live.state.signals = live.state.signals.filter((s) => s !== "storage");
   if (!live.state.signals.length) live.state.signals = ["speed"];
   controls.show();
   if (live.recorded) {

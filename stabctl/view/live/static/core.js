@@ -26,14 +26,15 @@ function ink() {
 
 // What results depend on besides the case and the fault: the load level, storage and its law.
 function settings({ level, percent, megawatts, store, law, deadband, gain, delay } = live.state) {
-  if (!stored({ percent, megawatts })) return { level };
+  if (!equipped({ percent, megawatts })) return { level };
   const acting = tuned({ percent, megawatts, law }) ? { deadband, delay, ...(law === "feedback" && { gain }) } : {};
-  return { level, percent, megawatts, store, law, ...acting };
+  return { level, ...(stored({ percent, megawatts }) && { percent, megawatts, store }), law, ...acting };
 }
 
 function inWords({ level, percent = 0, megawatts = {}, store, law, deadband, gain, delay }) {
   const own = Object.entries(megawatts).map(([m, mw]) => `, ${mw} MW at machine ${m}`).join("");
-  const parts = [`${percent} % storage${own}`, store !== "ideal" && store, law, deadband !== undefined && `deadband ${deadband} mHz`,
+  const devices = law && !stored({ percent, megawatts }) ? "the case's own storage" : `${percent} % storage${own}`;
+  const parts = [devices, store !== "ideal" && store, law, deadband !== undefined && `deadband ${deadband} mHz`,
     gain !== undefined && `gain ${gain} pu/(rad/s)`, delay && `delay ${delay} cycles`, `load level ${level} %`];
   return parts.filter(Boolean).join(", ");
 }

@@ -123,7 +123,7 @@ async function start() {
     tab.hidden = !!live.recorded && !!known && !live.recorded.results[known];
     $("tabs").append(tab);
   }
-  live.state = { ...first, percent: 0, megawatts: {}, store: "ideal", law: live.case.laws[0], deadband: 100, gain: 0.1, delay: 0, level: 100, compare: false, required: 0, signals: ["speed"], ...live.recorded?.state };
+  live.state = { ...first, percent: 0, megawatts: {}, store: "ideal", deadband: 100, gain: 0.1, delay: 0, level: 100, compare: false, required: 0, signals: ["speed"], ...live.recorded?.state };
   if (live.recorded) live.state.clear = live.recorded.clear;
   controls.build();
   mouse();

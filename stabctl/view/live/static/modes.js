@@ -48,7 +48,7 @@ const modes = {
 
   marked() {
     this.faded(!!live.recorded && !!this.found && this.found.level !== live.state.level);
-    this.left.textContent = stored(live.state) || live.case.controllers.length
+    this.left.textContent = equipped(live.state) || live.case.controllers.length
       ? "Storage, its law and controllers are left out: these are the modes of the machines and their own controls." : "";
   },
 

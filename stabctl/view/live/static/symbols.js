@@ -56,9 +56,9 @@ function machines(c, at, s, angles) { // circles; the hand is the rotor angle fr
 }
 
 function storage(c, at, s) { // squares beside the machines with storage
-  const side = Math.max(s < FINE ? 3 : 4, 0.17 * s), sizes = live.state.megawatts ?? {};
-  live.case.machines.forEach((_, i) => {
-    if (!(sizes[live.case.machines[i][3]] ?? live.state.percent)) return;
+  const side = Math.max(s < FINE ? 3 : 4, 0.17 * s), { percent, megawatts = {} } = live.state;
+  live.case.machines.forEach(([, , , machine], i) => {
+    if (stored({ percent, megawatts }) ? !(megawatts[machine] ?? percent) : !live.case.storage.includes(machine)) return;
     const [x, y] = at(live.case.diagram.storage[i]);
     c.fillStyle = live.case.style.colors[2];
     c.fillRect(x - side / 2, y - side / 2, side, side);
