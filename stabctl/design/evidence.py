@@ -122,8 +122,17 @@ class Check:
 
     @property
     def change(self) -> float:
-        """Cycles gained against the stabilizers of the case or, without any, against none; an unstable case has 0."""
-        return (self.after.cycles or 0.0) - ((self.replaced or self.before).cycles or 0.0)
+        """Cycles gained against the stabilizers of the case or, without any, against none.
+
+        An unstable case has 0, and one that survives every clearing time tried the longest.
+        """
+        return self.after.reach_cycles - (self.replaced or self.before).reach_cycles
+
+    @property
+    def gained(self) -> str:
+        """The change in words: `-0.5 cycles`, or `+3.625 cycles or more` where the search ends."""
+        ends = {one.status == "stable_at_limit" for one in (self.after, self.replaced or self.before)}
+        return f"{self.change:+g} cycles" + " or more" * (len(ends) > 1)
 
 
 @dataclass(frozen=True, repr=False)
@@ -176,12 +185,8 @@ class Evidence:
 
 
 def _check(c: Check) -> str:
-    own = f", {_cycles(c.replaced)} with the stabilizers of the case" if c.replaced else ""
-    return f"{_cycles(c.before)} without, {_cycles(c.after)} with{own}"
-
-
-def _cycles(found: ClearingTime) -> str:
-    return "none" if found.cycles is None else f"{found.cycles:g} cycles"
+    own = f", {c.replaced.shown} cycles with the stabilizers of the case" if c.replaced else ""
+    return f"{c.before.shown} cycles without, {c.after.shown} cycles with{own}"
 
 
 def compared(checks: Sequence[Check]) -> str:
@@ -194,7 +199,7 @@ def compared(checks: Sequence[Check]) -> str:
     return (
         f"Compared with those {other}, {(changes < 0).sum()} of {counted(len(changes), 'clearing time')} are "
         f"shorter and {(changes > 0).sum()} longer: median {np.median(changes):+g} cycles, worst "
-        f"{worst.change:+g} cycles ({worst.label})."
+        f"{worst.gained} ({worst.label})."
     )
 
 

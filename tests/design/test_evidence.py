@@ -1,12 +1,16 @@
 """What a design is reported with: each number against another route to it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.design import pod, pss
-from stabctl.design.evidence import evidence
+from stabctl.design.evidence import Check, compared, evidence
+from stabctl.design.tuning.robustness import shorter
+from stabctl.view.pages import design_page
 
 
 @pytest.fixture(scope="module")
@@ -73,8 +77,6 @@ def test_checks_are_clearing_times_without_and_with(cases):
 
 
 def test_a_python_function_has_no_page(damper):
-    from dataclasses import replace
-
     law = st.Controller.from_function(lambda seen: 10 * seen["deviation:1"], "deviation:1", "order:3@11", rate=60)
     with pytest.raises(StudyError, match="is a Python function"):
         evidence(replace(damper, controllers=(law,)))
@@ -91,3 +93,21 @@ def test_checks_compare_with_the_stabilizers_that_are_replaced(cases):
     shorter, longer = sum(x < 0 for x in changes), sum(x > 0 for x in changes)
     assert f"{shorter} of 2 clearing times are shorter and {longer} longer" in found.summary
     assert f"median {np.median(changes):+g} cycles, worst {min(changes):+g} cycles" in str(found)
+
+
+def test_beyond_the_search_is_the_longest_clearing_time_of_all(cases):
+    """With every answer of a search on either side: nothing, a number, and beyond."""
+    found = cases("two_area").clearing_time("7-8@0.4")
+    never = replace(found, status="unstable_at_zero", cycles=None)
+    always = replace(found, status="stable_at_limit", cycles=None)
+    assert [one.shown for one in (never, found, always)] == ["0", f"{found.cycles:g}", "60 or more"]
+    rises = [Check(never, found), Check(found, always), Check(never, always)]
+    falls = [Check(b.after, b.before) for b in rises]
+    assert all(c.change > 0 for c in rises)
+    assert [c.change for c in falls] == [-c.change for c in rises]
+    assert shorter(rises) == []
+    assert shorter(falls) == falls
+    assert [c.gained.endswith(" cycles or more") for c in rises] == [False, True, True]
+    assert Check(always, always).gained == "+0 cycles"
+    assert compared(rises[1:2]).endswith(f"worst +{60 - found.cycles:g} cycles or more (7-8@0.4).")
+    assert design_page._check(rises[1])[1:3] == (f"{found.cycles:g}", "60 or more")

@@ -234,9 +234,6 @@ def _holds(design: Tuned) -> Iterator[tuple[str, ...]]:
 
 
 def _check(c: Check) -> tuple[str, ...]:
-    def cycles(value: float | None) -> str:
-        return "none" if value is None else f"{value:g}"
-
     lost = "" if c.after.machine is None else str(c.after.machine)
-    own = (cycles(c.replaced.cycles),) if c.replaced else ()
-    return c.label, cycles(c.before.cycles), *own, cycles(c.after.cycles), lost
+    own = (c.replaced.shown,) if c.replaced else ()
+    return c.label, c.before.shown, *own, c.after.shown, lost
