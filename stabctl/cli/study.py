@@ -135,7 +135,6 @@ def _show(found: "Study", as_json: bool) -> None:
         return
     from rich.table import Table
 
-
     table = Table("fault at", "trip", "critical, cycles", "margin, cycles", "limited by", "contingency")
     table.columns[2].justify = table.columns[3].justify = "right"
     named = any(m.found.contingency.name for m in found.margins)

@@ -14,19 +14,18 @@ from stabctl._util.wording import counted
 from stabctl.clearing import ClearingTime, clearing_time
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.from_control import tustin
-from stabctl.dynamics.named import named
+from stabctl.dynamics.named import all_named, named
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.simulation.contingency import Contingency
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.interconnection import held
-from stabctl.smallsignal.margins import Margins, margins
-from stabctl.smallsignal.opened_loop import alone, linear_loop
+from stabctl.smallsignal.margins import Margins, margins, single_loops
 
 from ._tuning import Loop
 from .result import Design
 
 FACTORS = np.linspace(0.0, 2.0, 41)  # of the gains, along the root locus
-HZ = np.geomspace(0.05, 10.0, 240)  # of the loop gains
+LOW, HIGH = 0.05, 10.0  # Hz   of the loop gains shown
 MOST = 12  # loops whose gain is shown
 SECONDS = 10.0  # of the step responses
 RATE = 60  # 1/s   of continuous step responses
@@ -59,27 +58,20 @@ class LoopGain:
     name
         Controller and input that it drives.
     hz
-        Frequencies (frequencies).
+        Frequencies (frequencies), dense around resonances.
     response
         L(jw) (frequencies), complex.
+    distance
+        Least distance of L(jw) from -1: the smallest change of the loop gain that makes it unstable.
+    phase_margin
+        Smallest angle (deg) between L(jw) and -1 where its size is 1; inf if it never is.
     """
 
     name: str
     hz: np.ndarray
     response: np.ndarray
-
-    @property
-    def distance(self) -> float:
-        """Least distance of L(jw) from -1: the smallest change of the loop gain that makes it unstable."""
-        return float(np.abs(1 + self.response).min())
-
-    @property
-    def phase_margin(self) -> float:
-        """Smallest angle (deg) between L(jw) and -1 where its size is 1; inf if it never is."""
-        size = np.abs(self.response)
-        crossing = np.flatnonzero((size[:-1] - 1) * (size[1:] - 1) < 0)
-        angles = [np.angle(-self.response[k + (abs(size[k + 1] - 1) < abs(size[k] - 1))], deg=True) for k in crossing]
-        return float(min(np.abs(angles), default=np.inf))
+    distance: float
+    phase_margin: float
 
 
 @dataclass(frozen=True, repr=False)
@@ -239,11 +231,12 @@ def evidence(design: Design, checks: Iterable[Contingency | str] = ()) -> Eviden
     wanted = [c if isinstance(c, Contingency) else Contingency(c) for c in checks]
     for contingency in wanted:
         contingency.with_clear("1cyc").check(point.case)
+    whole = margins(point, *controllers) if design.after[0].stable else None
     return Evidence(
         design,
         _locus(point, controllers),
-        loop_gains(point, controllers),
-        margins(point, *controllers) if design.after[0].stable else None,
+        loop_gains(design, whole),
+        whole,
         step_responses(point, controllers),
         tuple(
             Check(
@@ -261,14 +254,16 @@ def _locus(point: OperatingPoint, controllers: Sequence[Controller]) -> RootLocu
     return RootLocus(FACTORS, tuple(loop.eigenvalues([c.scaled(float(k)) for c in controllers]) for k in FACTORS))
 
 
-def loop_gains(point: OperatingPoint, controllers: Sequence[Controller]) -> tuple[LoopGain, ...]:
-    """The loop gains of the first 12 outputs, as if without deadband or relay; see `linear_loop`."""
-    loop = linear_loop(point, [named(point, replace(c, deadband=0.0, relay=False)) for c in controllers])
-    if loop is None:
-        return ()
-    hz = HZ[loop.rate / 2 > HZ] if loop.rate else HZ
-    G = np.array([loop(2j * np.pi * f)[0] for f in hz])
-    return tuple(LoopGain(name, hz, -alone(G, np.ones(len(loop.names)), r)) for r, name in enumerate(loop.names[:MOST]))
+def loop_gains(design: Design, stable: Margins | None) -> tuple[LoopGain, ...]:
+    """The loop gains of the first 12 outputs, from the margins of a stable closed loop."""
+    if stable:
+        each, hz, gain = stable.loops, stable.hz, stable.gain
+    else:
+        poles = design.after[0].eigenvalues
+        each, hz, gain = single_loops(design.base, all_named(design.base, design.controllers), poles)
+    shown = (hz > LOW) & (hz < HIGH)
+    pairs = zip(each[:MOST], gain.T, strict=False)
+    return tuple(LoopGain(m.name, hz[shown], L[shown], m.distance, m.phase_deg) for m, L in pairs)
 
 
 def step_responses(point: OperatingPoint, controllers: Sequence[Controller]) -> StepResponses:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import control
 import numpy as np
 import pytest
 
@@ -35,6 +36,21 @@ def test_the_loop_gain_is_minus_one_at_the_gain_margins(found):
     for gain in (1.0, 0.9 * found.margins.gain_up):
         assert np.abs(1 + inverse / gain).min() > 0.05
     assert loop.distance <= 2 * np.sin(np.deg2rad(loop.phase_margin) / 2) + 0.01
+
+
+def test_a_narrow_resonance_is_seen(cases):
+    """A mode of damping 0.001: the loop gain on a grid of its own, 1/100 of its width, and the frequencies drawn."""
+    base = cases("two_area_thyristor").initialize(storage="50MW")
+    design = pod(base, "deviation:1", "order:1@5", damping=0.001)
+    (loop,) = evidence(design).loops
+    system = -control.series(base.linearize("order:1@5", "deviation:1").to_control(), design.controller.to_control())
+    hz = np.linspace(0.5, 0.8, 60001)
+    L = system(2j * np.pi * hz)
+    assert loop.distance == pytest.approx(np.abs(1 + L).min(), rel=1e-4)
+    crossing = np.abs(np.diff(np.abs(L) > 1))
+    assert loop.phase_margin == pytest.approx(np.abs(np.angle(-L[:-1][crossing], deg=True)).min(), abs=0.1)
+    assert np.abs(loop.response).max() > 0.9 * np.abs(L).max()
+    assert np.diff(loop.hz).min() < 1e-3
 
 
 def test_the_root_locus_begins_at_the_open_loop_and_passes_the_closed_one(damper, found):
