@@ -13,7 +13,6 @@ from stabctl._util.validation import checks_arguments
 from stabctl._util.wording import counted
 from stabctl.clearing import ClearingTime, clearing_time
 from stabctl.controllers.controller import Controller
-from stabctl.controllers.from_control import tustin
 from stabctl.dynamics.named import all_named, named
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.simulation.contingency import Contingency
@@ -28,7 +27,7 @@ FACTORS = np.linspace(0.0, 2.0, 41)  # of the gains, along the root locus
 LOW, HIGH = 0.05, 10.0  # Hz   of the loop gains shown
 MOST = 12  # loops whose gain is shown
 SECONDS = 10.0  # of the step responses
-RATE = 60  # 1/s   of continuous step responses
+RATE, FINEST = 60, 600  # 1/s   of continuous step responses; the inverse of the shortest time constant in between
 SHARE = 0.01  # of the largest load, that is switched on
 INPUTS = 12  # of a controller, up to which its own step is shown
 
@@ -114,10 +113,7 @@ class Check:
 
     @property
     def change(self) -> float:
-        """Cycles gained against the stabilizers of the case or, without any, against none.
-
-        An unstable case has 0, and one that survives every clearing time tried the longest.
-        """
+        """Cycles gained against the stabilizers of the case, or none; from 0 if unstable to the longest time tried."""
         return self.after.reach_cycles - (self.replaced or self.before).reach_cycles
 
     @property
@@ -256,11 +252,9 @@ def _locus(point: OperatingPoint, controllers: Sequence[Controller]) -> RootLocu
 
 def loop_gains(design: Design, stable: Margins | None) -> tuple[LoopGain, ...]:
     """The loop gains of the first 12 outputs, from the margins of a stable closed loop."""
-    if stable:
-        each, hz, gain = stable.loops, stable.hz, stable.gain
-    else:
-        poles = design.after[0].eigenvalues
-        each, hz, gain = single_loops(design.base, all_named(design.base, design.controllers), poles)
+    own, poles = all_named(design.base, design.controllers), design.after[0].eigenvalues
+    known = (stable.loops, stable.hz, stable.gain) if stable else single_loops(design.base, own, poles)
+    each, hz, gain = known
     shown = (hz > LOW) & (hz < HIGH)
     pairs = zip(each[:MOST], gain.T, strict=False)
     return tuple(LoopGain(m.name, hz[shown], L[shown], m.distance, m.phase_deg) for m, L in pairs)
@@ -296,17 +290,18 @@ def load_step(
 
 
 def _own(point: OperatingPoint, c: Controller) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """The outputs of a controller after a step of each of its inputs, with its delay."""
+    """The outputs of a controller after a step of each of its inputs, with its delay; exact if it is continuous."""
     names = named(point, c).names
     if len(names) > INPUTS:
         return []
-    rate = c.rate or RATE
-    A, B, C, D = (c.A, c.B, c.C, c.D) if c.rate else tustin(c.A, c.B, c.C, c.D, rate)
-    late = round(c.delay * rate)
+    T = 1 / (c.rate or np.clip(np.abs(np.linalg.eigvals(c.A)).max(initial=0.0), RATE, FINEST))
+    A, B = (c.A, c.B) if c.rate else held(c.A, c.B, T)
     found = []
     for j, name in enumerate(names):
-        t, y = _step(A, B[:, [j]], C, D[:, [j]], 1 / rate)
-        found.append((f"{c.name}: {name}", t, np.vstack([np.zeros((late, y.shape[1])), y])[: len(t)]))
+        t, y = _step(A, B[:, [j]], c.C, c.D[:, [j]], T)
+        if c.delay:  # nothing until then
+            t, y = np.r_[0.0, c.delay, c.delay + t], np.vstack([np.zeros((2, y.shape[1])), y])
+        found.append((f"{c.name}: {name}", t, y))
     return found
 
 

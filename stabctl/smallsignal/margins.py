@@ -346,7 +346,7 @@ class Loops(NamedTuple):
 def single_loops(point: OperatingPoint, own: Sequence[Named], poles: np.ndarray, fast: float = 0.0) -> Loops:
     """The loops through each output of `linear_loop`; `poles` (1/s) are those of the closed loop.
 
-    If it is unstable there are no margins, but the gains are right. Beyond a frequency `fast` (Hz) the loop gains are too small for margins.
+    Beyond a frequency `fast` (Hz) the loop gains are too small for margins.
     """
     loop = linear_loop(point, own)
     if loop is None:
@@ -431,10 +431,8 @@ def _disk(L: Any) -> Any:
         return 2 * np.abs(1 + L) / np.abs(1 - L)
 
 
-def _least(
-    size: Callable[[Any], Any], given: Callable[[float], complex], hz: np.ndarray, L: np.ndarray
-) -> tuple[float, float]:
-    """The least size of L and its frequency (Hz)."""
+def _least(size: Callable[[Any], Any], given: Any, hz: np.ndarray, L: np.ndarray) -> tuple[float, float]:
+    """The least size of L, which `given` finds at a frequency, and its frequency (Hz)."""
     order = np.argsort(hz)
     hz, L = hz[order], L[order]
     k = int(size(L).argmin())

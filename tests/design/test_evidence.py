@@ -9,7 +9,7 @@ import pytest
 import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.design import pod, pss
-from stabctl.design.evidence import Check, compared, evidence
+from stabctl.design.evidence import Check, compared, evidence, step_responses
 from stabctl.design.tuning.robustness import shorter
 from stabctl.view.pages import design_page
 
@@ -80,8 +80,23 @@ def test_the_step_is_that_of_a_simulation_with_a_small_load(damper, found):
 def test_a_controller_gives_its_step_after_its_delay(damper, found):
     name, t, y = found.steps.own[0]
     assert name == "pod: deviation:1"
-    assert (y[:6] == 0).all()
-    assert y[6, 0] == damper.controller.D[0, 0]
+    assert t[0] == 0
+    assert (y[t < 0.1] == 0).all()
+    assert y[t == 0.1].tolist() == [[0.0], damper.controller.D[:, 0].tolist()]
+
+
+def test_a_continuous_controller_gives_its_exact_step(cases):
+    """A lead with a time constant of 2 ms, 7 ms late, against its formula: 1e-9 of the largest value."""
+    base = cases("two_area_thyristor").initialize(storage="50MW")
+    s = control.tf("s")
+    one = st.Controller.from_control(3 * (1 + 0.2 * s) / (1 + 0.002 * s), "deviation:1", "order:1@5", delay="7ms")
+    ((_, t, y),) = step_responses(base, [one]).own
+    assert (y[t < 0.007] == 0).all()
+    late = t[2:] - 0.007
+    assert y[2, 0] == pytest.approx(300)
+    assert y[2:, 0] == pytest.approx(3 + 297 * np.exp(-late / 0.002), abs=3e-7)
+    assert np.diff(t).max() < 0.007 + 1e-9
+    assert y[1:3, 0].tolist() == pytest.approx([0.0, 300.0])
 
 
 def test_checks_are_clearing_times_without_and_with(cases):

@@ -45,15 +45,10 @@ class Network:
         return self.point.case.name
 
     @property
-    def case(self) -> Case:
-        """Its case with what the controllers replace."""
-        return replace(self.point.case, devices=self.devices)
-
-    @property
     def given(self) -> OperatingPoint:
         """Its operating point with what the controllers replace."""
         same = self.devices == self.point.case.devices
-        return self.point if same else solve(self.case, self.point.flow)
+        return self.point if same else solve(replace(self.point.case, devices=self.devices), self.point.flow)
 
     def tuned(self, of_case: Sequence[Shared], logs: np.ndarray) -> OperatingPoint:
         """Its operating point with other parameters of the case."""

@@ -66,7 +66,7 @@ class Rounds:
         self.runner, self.parts, self.asked, self.tell = runner, parts, asked, tell
         self.known, self.done, self.whole = "", 0, 1
         if runner.remote:
-            cases = [(fingerprint(one.case), one.intact) for one in parts.networks]
+            cases = [(fingerprint(one.given.case), one.intact) for one in parts.networks]
             self.known = text([cases, list(devices), asked])
 
     def best(self, starts: int, seed: int) -> Search:

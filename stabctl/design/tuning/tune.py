@@ -70,8 +70,8 @@ def tune(
     levels : iterable of float
         Load levels of each base, as in `with_load_level`; of `Outages` too.
     contingencies : iterable of Contingency or str
-        Contingencies whose networks at the end are networks, too, with all circuits open that they open. Those that open
-        none, or trip a machine or change a load, are left out.
+        Contingencies whose networks at the end are networks, too: with all circuits open that they open. Those that
+        open none, or trip a machine or change a load, are left out.
     gains : iterable of float
         Factors of all gains with which the damping counts, too.
     doubled : float or None

@@ -187,16 +187,8 @@ def _numbers(found: Evidence) -> Iterator[tuple[str, str]]:
 def _controller(c: Any, gain: float | None) -> tuple[str, ...]:
     limits = "none" if np.isinf(c.limits[1]) and np.isinf(c.limits[0]) else f"{c.limits[0]:g} to {c.limits[1]:g}"
     kind, late = f"{c.rate}/s" if c.rate else "continuous", f"{1e3 * c.delay:g} ms"
-    return (
-        c.name,
-        _short(c.inputs),
-        _short(c.outputs),
-        str(len(c.A)),
-        kind,
-        late,
-        limits,
-        number(gain, 1) if gain else "",
-    )
+    largest = number(gain, 1) if gain else ""
+    return c.name, _short(c.inputs), _short(c.outputs), str(len(c.A)), kind, late, limits, largest
 
 
 def _short(names: tuple[str, ...]) -> str:
