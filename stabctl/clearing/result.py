@@ -98,6 +98,11 @@ class ClearingTime(Tabular):
         return self.search.limit_cycles if self.status == "stable_at_limit" else self.cycles or 0.0
 
     @property
+    def shown(self) -> str:
+        """The cycles as text: `0`, `20.375`, or `60 or more` with the limit of the search."""
+        return f"{self.reach_cycles:g}" + " or more" * (self.status == "stable_at_limit")
+
+    @property
     def lowest_unstable(self) -> float | None:
         """Lowest unstable clearing time found, cycles; None if every one tried was stable."""
         return min((r.cycles for r in self.runs if not r.stable), default=None)

@@ -232,9 +232,7 @@ def _show_screen(found: "Screen", as_json: bool) -> None:
     if named:
         table.add_column("contingency")
     for p in found.pairs:
-        longest = f"{found.search.limit_cycles:g} or more"
-        shown = {"unstable_at_zero": "unstable at any", "stable_at_limit": longest}
-        cycles = shown.get(p.status) or f"{p.cycles:g}"
+        cycles = "unstable at any" if p.status == "unstable_at_zero" else p.shown
         table.add_row(p.fault, ", ".join(p.trip), cycles, p.limit, *[p.contingency.name or ""] * named)
     if found.pairs:
         shared.console().print(table)

@@ -128,6 +128,7 @@ def _faults(
 ) -> "tuple[Contingency, ...]":
     """The contingencies of --fault, of the file, or of a screen."""
     from stabctl._util.errors import StudyError
+    from stabctl._util.wording import listed
     from stabctl.design.law import spread
     from stabctl.io.contingencies import read_contingencies
     from stabctl.simulation.contingency import Contingency
@@ -141,7 +142,10 @@ def _faults(
     if trip:
         raise StudyError("--trip applies only to --fault; leave it out with --contingencies or --from-screen.")
     if file is not None:
-        return tuple(c for c in read_contingencies(file, point.case) if c.fault is not None)
+        every = read_contingencies(file, point.case)
+        if others := [c.label for c in every if c.fault is None]:
+            shared.warn([f"A law is designed for faults; left out without one: {listed(others)}."], verbose=True)
+        return tuple(c for c in every if c.fault is not None)
     from stabctl.clearing import screen
 
     with shared.progress("screening", 1.0) as tell:

@@ -135,8 +135,6 @@ def _show(found: "Study", as_json: bool) -> None:
         return
     from rich.table import Table
 
-    from stabctl.view.pages.clearing_pages import cycles
-
     table = Table("fault at", "trip", "critical, cycles", "margin, cycles", "limited by", "contingency")
     table.columns[2].justify = table.columns[3].justify = "right"
     named = any(m.found.contingency.name for m in found.margins)
@@ -144,7 +142,7 @@ def _show(found: "Study", as_json: bool) -> None:
         table.columns.pop()
     for m in found.margins[: len(found.worst)]:
         p = m.found
-        cells = p.fault, ", ".join(p.trip), cycles(p), f"{m.cycles:+g}", p.limit
+        cells = p.fault, ", ".join(p.trip), p.shown, f"{m.cycles:+g}", p.limit
         table.add_row(*cells, *[p.contingency.name or ""] * named)
     if found.worst:
         shared.console().print(table)

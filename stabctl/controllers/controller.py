@@ -50,7 +50,8 @@ class Controller:
     limits : pair of float
         Lowest and highest output, in the unit of the driven input.
     deadband : float
-        Output below which it gives nothing, in the same unit; a relay switches beyond it.
+        Output below which it gives nothing, and which is subtracted beyond, without a jump, in the same unit; a relay
+        switches beyond it.
     relay : bool
         Give the lowest or highest output, or nothing.
     ramp : float, 1/s

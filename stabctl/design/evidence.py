@@ -13,23 +13,21 @@ from stabctl._util.validation import checks_arguments
 from stabctl._util.wording import counted
 from stabctl.clearing import ClearingTime, clearing_time
 from stabctl.controllers.controller import Controller
-from stabctl.controllers.from_control import tustin
-from stabctl.dynamics.named import named
+from stabctl.dynamics.named import all_named, named
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.simulation.contingency import Contingency
 from stabctl.smallsignal.closed_loop import closed_loop
 from stabctl.smallsignal.interconnection import held
-from stabctl.smallsignal.margins import Margins, margins
-from stabctl.smallsignal.opened_loop import alone, linear_loop
+from stabctl.smallsignal.margins import Margins, margins, single_loops
 
 from ._tuning import Loop
 from .result import Design
 
 FACTORS = np.linspace(0.0, 2.0, 41)  # of the gains, along the root locus
-HZ = np.geomspace(0.05, 10.0, 240)  # of the loop gains
+LOW, HIGH = 0.05, 10.0  # Hz   of the loop gains shown
 MOST = 12  # loops whose gain is shown
 SECONDS = 10.0  # of the step responses
-RATE = 60  # 1/s   of continuous step responses
+RATE, FINEST = 60, 600  # 1/s   of continuous step responses; the inverse of the shortest time constant in between
 SHARE = 0.01  # of the largest load, that is switched on
 INPUTS = 12  # of a controller, up to which its own step is shown
 
@@ -59,27 +57,20 @@ class LoopGain:
     name
         Controller and input that it drives.
     hz
-        Frequencies (frequencies).
+        Frequencies (frequencies), dense around resonances.
     response
         L(jw) (frequencies), complex.
+    distance
+        Least distance of L(jw) from -1: the smallest change of the loop gain that makes it unstable.
+    phase_margin
+        Smallest angle (deg) between L(jw) and -1 where its size is 1; inf if it never is.
     """
 
     name: str
     hz: np.ndarray
     response: np.ndarray
-
-    @property
-    def distance(self) -> float:
-        """Least distance of L(jw) from -1: the smallest change of the loop gain that makes it unstable."""
-        return float(np.abs(1 + self.response).min())
-
-    @property
-    def phase_margin(self) -> float:
-        """Smallest angle (deg) between L(jw) and -1 where its size is 1; inf if it never is."""
-        size = np.abs(self.response)
-        crossing = np.flatnonzero((size[:-1] - 1) * (size[1:] - 1) < 0)
-        angles = [np.angle(-self.response[k + (abs(size[k + 1] - 1) < abs(size[k] - 1))], deg=True) for k in crossing]
-        return float(min(np.abs(angles), default=np.inf))
+    distance: float
+    phase_margin: float
 
 
 @dataclass(frozen=True, repr=False)
@@ -122,8 +113,14 @@ class Check:
 
     @property
     def change(self) -> float:
-        """Cycles gained against the stabilizers of the case or, without any, against none; an unstable case has 0."""
-        return (self.after.cycles or 0.0) - ((self.replaced or self.before).cycles or 0.0)
+        """Cycles gained against the stabilizers of the case, or none; from 0 if unstable to the longest time tried."""
+        return self.after.reach_cycles - (self.replaced or self.before).reach_cycles
+
+    @property
+    def gained(self) -> str:
+        """The change in words: `-0.5 cycles`, or `+3.625 cycles or more` where the search ends."""
+        ends = {one.status == "stable_at_limit" for one in (self.after, self.replaced or self.before)}
+        return f"{self.change:+g} cycles" + " or more" * (len(ends) > 1)
 
 
 @dataclass(frozen=True, repr=False)
@@ -176,12 +173,8 @@ class Evidence:
 
 
 def _check(c: Check) -> str:
-    own = f", {_cycles(c.replaced)} with the stabilizers of the case" if c.replaced else ""
-    return f"{_cycles(c.before)} without, {_cycles(c.after)} with{own}"
-
-
-def _cycles(found: ClearingTime) -> str:
-    return "none" if found.cycles is None else f"{found.cycles:g} cycles"
+    own = f", {c.replaced.shown} cycles with the stabilizers of the case" if c.replaced else ""
+    return f"{c.before.shown} cycles without, {c.after.shown} cycles with{own}"
 
 
 def compared(checks: Sequence[Check]) -> str:
@@ -194,7 +187,7 @@ def compared(checks: Sequence[Check]) -> str:
     return (
         f"Compared with those {other}, {(changes < 0).sum()} of {counted(len(changes), 'clearing time')} are "
         f"shorter and {(changes > 0).sum()} longer: median {np.median(changes):+g} cycles, worst "
-        f"{worst.change:+g} cycles ({worst.label})."
+        f"{worst.gained} ({worst.label})."
     )
 
 
@@ -234,11 +227,12 @@ def evidence(design: Design, checks: Iterable[Contingency | str] = ()) -> Eviden
     wanted = [c if isinstance(c, Contingency) else Contingency(c) for c in checks]
     for contingency in wanted:
         contingency.with_clear("1cyc").check(point.case)
+    whole = margins(point, *controllers) if design.after[0].stable else None
     return Evidence(
         design,
         _locus(point, controllers),
-        loop_gains(point, controllers),
-        margins(point, *controllers) if design.after[0].stable else None,
+        loop_gains(design, whole),
+        whole,
         step_responses(point, controllers),
         tuple(
             Check(
@@ -256,14 +250,14 @@ def _locus(point: OperatingPoint, controllers: Sequence[Controller]) -> RootLocu
     return RootLocus(FACTORS, tuple(loop.eigenvalues([c.scaled(float(k)) for c in controllers]) for k in FACTORS))
 
 
-def loop_gains(point: OperatingPoint, controllers: Sequence[Controller]) -> tuple[LoopGain, ...]:
-    """The loop gains of the first 12 outputs, as if without deadband or relay; see `linear_loop`."""
-    loop = linear_loop(point, [named(point, replace(c, deadband=0.0, relay=False)) for c in controllers])
-    if loop is None:
-        return ()
-    hz = HZ[loop.rate / 2 > HZ] if loop.rate else HZ
-    G = np.array([loop(2j * np.pi * f)[0] for f in hz])
-    return tuple(LoopGain(name, hz, -alone(G, np.ones(len(loop.names)), r)) for r, name in enumerate(loop.names[:MOST]))
+def loop_gains(design: Design, stable: Margins | None) -> tuple[LoopGain, ...]:
+    """The loop gains of the first 12 outputs, from the margins of a stable closed loop."""
+    own, poles = all_named(design.base, design.controllers), design.after[0].eigenvalues
+    known = (stable.loops, stable.hz, stable.gain) if stable else single_loops(design.base, own, poles)
+    each, hz, gain = known
+    shown = (hz > LOW) & (hz < HIGH)
+    pairs = zip(each[:MOST], gain.T, strict=False)
+    return tuple(LoopGain(m.name, hz[shown], L[shown], m.distance, m.phase_deg) for m, L in pairs)
 
 
 def step_responses(point: OperatingPoint, controllers: Sequence[Controller]) -> StepResponses:
@@ -296,17 +290,18 @@ def load_step(
 
 
 def _own(point: OperatingPoint, c: Controller) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """The outputs of a controller after a step of each of its inputs, with its delay."""
+    """The outputs of a controller after a step of each of its inputs, with its delay; exact if it is continuous."""
     names = named(point, c).names
     if len(names) > INPUTS:
         return []
-    rate = c.rate or RATE
-    A, B, C, D = (c.A, c.B, c.C, c.D) if c.rate else tustin(c.A, c.B, c.C, c.D, rate)
-    late = round(c.delay * rate)
+    T = 1 / (c.rate or np.clip(np.abs(np.linalg.eigvals(c.A)).max(initial=0.0), RATE, FINEST))
+    A, B = (c.A, c.B) if c.rate else held(c.A, c.B, T)
     found = []
     for j, name in enumerate(names):
-        t, y = _step(A, B[:, [j]], C, D[:, [j]], 1 / rate)
-        found.append((f"{c.name}: {name}", t, np.vstack([np.zeros((late, y.shape[1])), y])[: len(t)]))
+        t, y = _step(A, B[:, [j]], c.C, c.D[:, [j]], T)
+        if c.delay:  # nothing until then
+            t, y = np.r_[0.0, c.delay, c.delay + t], np.vstack([np.zeros((2, y.shape[1])), y])
+        found.append((f"{c.name}: {name}", t, y))
     return found
 
 

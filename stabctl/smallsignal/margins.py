@@ -17,7 +17,7 @@ Source: P. Seiler, A. Packard, P. Gahinet, An introduction to disk margins, IEEE
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -86,6 +86,8 @@ class LoopMargins:
         Delay margin (s), of sampled controllers too as if it could be any part of a frame, and its gain crossover.
     disk, disk_hz
         Symmetric disk margin; 2 without a loop gain, and at most if it is continuous.
+    distance, distance_hz
+        Least distance of L(jw) from -1, 1 / max |S|: the smallest change of L that makes the loop unstable.
     """
 
     name: str
@@ -99,6 +101,8 @@ class LoopMargins:
     delay_hz: float
     disk: float
     disk_hz: float
+    distance: float
+    distance_hz: float
 
     @property
     def disk_gain(self) -> float:
@@ -340,7 +344,7 @@ class Loops(NamedTuple):
 
 
 def single_loops(point: OperatingPoint, own: Sequence[Named], poles: np.ndarray, fast: float = 0.0) -> Loops:
-    """The loops through each output of `linear_loop`; `poles` (1/s) are those of the stable closed loop.
+    """The loops through each output of `linear_loop`; `poles` (1/s) are those of the closed loop.
 
     Beyond a frequency `fast` (Hz) the loop gains are too small for margins.
     """
@@ -403,13 +407,15 @@ def _margins(
     late = min(((a % (2 * np.pi) / (2 * np.pi * f), f) for a, f in zip(angles, crossings, strict=True)), default=None)
     if abs(ends.get(np.inf, 0.0)) >= 1:
         late = 0.0, np.inf  # without a lag: any delay turns a gain above 1 around at some frequency
+    whole = given, np.r_[hz, list(ends)], np.r_[L, list(ends.values())]
     return LoopMargins(
         name,
         *min((one for one in factors if one[0] > 1), default=(np.inf, np.nan)),
         *max((one for one in factors if one[0] < 1), default=(0.0, np.nan)),
         *(phase or (np.inf, np.nan)),
         *(late or (np.inf, np.nan)),
-        *_disk(given, np.r_[hz, list(ends)], np.r_[L, list(ends.values())]),
+        *_least(_disk, *whole),
+        *_least(lambda L: np.abs(1 + L), *whole),
     )
 
 
@@ -419,14 +425,14 @@ def _zeros(value: Callable[[float], float], hz: np.ndarray, sampled: np.ndarray)
     return [float(brentq(value, hz[k], hz[k + 1], rtol=1e-12)) for k in changes]
 
 
-def _disk(given: Callable[[float], complex], hz: np.ndarray, L: np.ndarray) -> tuple[float, float]:
-    """The disk margin and its frequency (Hz)."""
+def _disk(L: Any) -> Any:
+    """The disk margin at values of L."""
+    with np.errstate(divide="ignore"):
+        return 2 * np.abs(1 + L) / np.abs(1 - L)
 
-    def size(L: np.ndarray | complex) -> np.ndarray:
-        with np.errstate(divide="ignore"):
-            found: np.ndarray = 2 * np.abs(1 + L) / np.abs(1 - L)
-        return found
 
+def _least(size: Callable[[Any], Any], given: Any, hz: np.ndarray, L: np.ndarray) -> tuple[float, float]:
+    """The least size of L, which `given` finds at a frequency, and its frequency (Hz)."""
     order = np.argsort(hz)
     hz, L = hz[order], L[order]
     k = int(size(L).argmin())

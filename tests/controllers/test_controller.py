@@ -32,6 +32,19 @@ def test_a_controller_at_rest_gives_nothing(base):
     assert np.abs(run.arrays.speed - 1).max() < 1e-9
 
 
+@pytest.mark.parametrize("rate", [None, 60])
+def test_a_deadband_is_subtracted(base, rate):
+    """The order grows from 0 at the edge of the deadband, on either side; with frames, one is between the two."""
+    gain, dead = control.ss([], [], [], [[100.0]]), 0.02
+    one = st.Controller.from_control(gain, "speed:1", "order:1@5", rate=rate, deadband=dead)
+    run = base.simulate([STEP, st.LoadStep(7, "1s", p=-150)], "3s", control=one)
+    wanted = 100 * (run.speed.values[:, 0] - 1)
+    beyond = wanted - np.clip(wanted, -dead, dead)
+    assert beyond.min() < 0 < beyond.max()
+    moved = np.abs(np.gradient(wanted, run.time)).max() / rate if rate else 0.0
+    assert np.abs(order(run) - beyond).max() < 1e-6 + 1.5 * moved < dead
+
+
 def test_a_gain_at_frames_is_the_python_function(base):
     """Matrices and Python function give the same orders, as far as the voltages are iterated (1e-7 pu)."""
     gain = control.ss([], [], [], [[300.0]])

@@ -153,6 +153,15 @@ def test_wrong_options(stabctl, words, sentence):
     assert sentence in err
 
 
+def test_contingencies_of_a_file_without_a_fault_are_named(stabctl, tmp_path):
+    file = tmp_path / "list.toml"
+    file.write_text('[[contingency]]\nfault = "7"\nclear = "6cyc"\n[[contingency]]\ntrip = "8-9"\n')
+    code, _, err = stabctl("design", "law", "two_area", "--contingencies", file)
+    assert code == 2
+    assert "left out without one: trip 8-9." in err
+    assert "no storage devices" in err
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "fault", "trip", "storage", "least", "limits"),

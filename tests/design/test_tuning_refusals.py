@@ -7,7 +7,9 @@ from systems import kind, small
 from stabctl._util.errors import StudyError
 from stabctl.design import damper, outages, pss, stabilizers, tune, values
 from stabctl.design.tuning.networks import networks
-from stabctl.design.tuning.parts import Parts
+from stabctl.design.tuning.parts import Asked, Parts
+from stabctl.design.tuning.rounds import Rounds
+from stabctl.simulation.contingency import Contingency
 
 
 def test_a_damping_that_no_controller_can_reach_is_said_before_the_search(cases):
@@ -98,4 +100,52 @@ def test_a_text_is_one_contingency_and_outages_have_their_intact_network(cases):
     plain = networks(case, wanted, "all", (1.0,), ())[0]
     known = networks(outages(case), wanted, "all", (1.0,), ())[0]
     assert [n.intact for n in known] == [n.intact for n in plain] == [True, *[False] * (len(plain) - 1)]
+    levels = [networks(one, wanted, "all", (0.8, 1.0), ())[0] for one in (case, outages(case))]
+    alike = [sorted((n.level, n.intact, n.point.case.branches, n.point.case.loads) for n in one) for one in levels]
+    assert alike[0] == alike[1]
+    assert len(alike[0]) == 2 * len(plain)
     assert tune(case, wanted, damping="5%", outages="none", levels=(1.0,), gains=(), checks=0, starts=1).reached
+
+
+@pytest.mark.parametrize(
+    ("given", "opened"),
+    [
+        (Contingency("7", trip=["7-8"], events="8-9@2s"), 2),
+        (Contingency("7", after="8-7@6cyc"), 1),
+        (Contingency("7", trip="7-8", after="2@0s"), "a trip of machine 2"),
+        (Contingency("7", events="2@1s"), "a trip of machine 2"),
+        (Contingency("7", trip="7-8", events="7:+50MW@1s"), "a load step at bus 7"),
+        ("7", "no circuit is open afterwards"),
+    ],
+    ids=str,
+)
+def test_a_network_after_a_contingency_has_all_that_opens_and_nothing_else_happens(cases, given, opened):
+    """At a tenth of the load, so that there is a power flow with one of two circuits to each side."""
+    case = cases("two_area_thyristor")
+    every, left_out = networks(case, [stabilizers([1])], "none", (0.1,), [given])
+    if isinstance(opened, str):
+        assert len(every) == 1
+        ((_, why),) = left_out
+        assert why.endswith(opened)
+    else:
+        assert left_out == []
+        assert len(every[1].point.case.branches) == len(case.branches) - opened
+
+
+def test_a_store_tells_apart_what_changes_the_search(cases):
+    """The stabilizers that are replaced, whose other parameters stay, and which networks are intact."""
+
+    class Remote:
+        remote = True
+
+    def known(bases, which="none"):
+        device = stabilizers([1], model="pss")
+        parts = Parts.of(networks(bases, [device], which, (1.0,), ())[0], [device])
+        return Rounds(Remote, parts, Asked(None, (), None, (), True), [device], print).known
+
+    case = cases("two_area")
+    assert known(case) == known(cases("two_area"))
+    assert known(case) != known(case.set({"pss.1.Tw": 0.1}))
+    every = outages(case)
+    assert known(every) == known(case, "all")
+    assert known(every) != known(list(every.points))

@@ -73,6 +73,10 @@ def test_the_margins_are_those_of_python_control(base, name):
     near = 2 * np.pi * found.disk_hz * np.linspace(0.98, 1.02, 401)
     disk, gain_db, phase = control.disk_margins(system, np.sort(np.r_[w, near[near <= top]]))
     assert found.disk == pytest.approx(disk, rel=1e-4)
+    near = 2 * np.pi * found.distance_hz * np.linspace(0.98, 1.02, 401)
+    w = np.r_[w, near[near <= top]]
+    L = system(1j * w) if system.isctime() else system(np.exp(1j * w * system.dt))
+    assert found.distance == pytest.approx(np.abs(1 + L).min(), rel=1e-4)
     assert 20 * np.log10(found.disk_gain) == pytest.approx(gain_db, rel=1e-3)
     assert found.disk_phase_deg == pytest.approx(phase, rel=1e-3)
 

@@ -11,6 +11,7 @@ from stabctl.dynamics.operating_point import OperatingPoint, operating_point, so
 from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.events import Clear, Fault, Open, described
 
 from ..outages import Outages, outages, reason
 from ..result import operating_points
@@ -70,7 +71,7 @@ def networks(
     if which not in ("all", "none"):
         raise StudyError(f"outages = {shown(which)} is not allowed; choose 'all' or 'none'.")
     known = isinstance(bases, Outages)
-    points, shares = operating_points(bases), [1.0] if known else list(levels)
+    points, shares = operating_points(bases), list(levels)
     if not shares:
         raise StudyError("levels names no load level; give 1.0, for example.")
     listed = [contingencies] if isinstance(contingencies, str | Contingency) else contingencies
@@ -116,7 +117,14 @@ def _outages(point: OperatingPoint) -> tuple[list[OperatingPoint], list[tuple[st
 
 
 def _after(case: Case, c: Contingency) -> Case:
-    """The case without the circuits that a contingency opens."""
-    gone = {naming.row(case, "branches", str(k)) for k in c.placed(case).opened}
-    rest = tuple(b for i, b in enumerate(case.branches) if i not in gone)
+    """The case without the circuits that a contingency opens; raises `StudyError` if it does more, or opens none."""
+    opened = set[int]()
+    for one in c.with_clear("1cyc").timed(case):
+        if isinstance(one, Open) and one.end == "both":
+            opened.add(naming.row(case, "branches", str(one.branch)))
+        elif not isinstance(one, Fault | Clear):
+            raise StudyError(f"only opened circuits are tuned for, and there is a {described(one)}")
+    if not opened:
+        raise StudyError("no circuit is open afterwards")
+    rest = tuple(b for i, b in enumerate(case.branches) if i not in opened)
     return replace(case, name=f"{case.name} after {c.label}", branches=rest)

@@ -257,7 +257,7 @@ class Tuned(Design):
         if self.checks:
             yield compared(self.checks)
         for c in shorter(self.checks):
-            yield f"A clearing time falls by more than 1/8 cycle: {c.label}, {c.change:+g} cycles."
+            yield f"A clearing time falls by more than 1/8 cycle: {c.label}, {c.gained}."
 
     def _remarks(self, missed: Sequence[str] = (), level: float = 1.0) -> list[str]:
         lines = [f"Worst of all networks, every mode above {LOW:g} Hz: {self.worst_case}."]

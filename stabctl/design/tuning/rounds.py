@@ -15,7 +15,7 @@ from .search import Search
 ROUNDS = (1.0, 8), (0.6, 10), (0.2, 12), (0.0, 12)  # share of the starts, at least one, and steps
 LOWERING = 40  # steps, in which the gains are lowered; once more if limits are missed then
 LOWERED = len(ROUNDS)  # number of the first round in which they are
-FORMAT = 3
+FORMAT = 4
 
 
 class Round(NamedTuple):
@@ -66,7 +66,8 @@ class Rounds:
         self.runner, self.parts, self.asked, self.tell = runner, parts, asked, tell
         self.known, self.done, self.whole = "", 0, 1
         if runner.remote:
-            self.known = text([[fingerprint(one.point.case) for one in parts.networks], list(devices), asked])
+            cases = [(fingerprint(one.given.case), one.intact) for one in parts.networks]
+            self.known = text([cases, list(devices), asked])
 
     def best(self, starts: int, seed: int) -> Search:
         """The best of several starts; where the damping wanted is reached, with lower gains."""

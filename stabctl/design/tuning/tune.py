@@ -68,9 +68,10 @@ def tune(
     outages : {"all", "none"}
         Whether every N-1 branch outage of each base is a network, too.
     levels : iterable of float
-        Load levels of each base, as in `with_load_level`.
+        Load levels of each base, as in `with_load_level`; of `Outages` too.
     contingencies : iterable of Contingency or str
-        Contingencies whose networks after clearing are networks, too: those that open several circuits.
+        Contingencies whose networks at the end are networks, too: with all circuits open that they open. Those that
+        open none, or trip a machine or change a load, are left out.
     gains : iterable of float
         Factors of all gains with which the damping counts, too.
     doubled : float or None
@@ -140,7 +141,7 @@ def tune(
         with Runner(TUNING, store=store, workers=workers) as runner:
             best = Rounds(runner, parts, asked, given, tell).best(starts, seed)
         tell("evidence", 1.0)
-        other = tuple(level for level in check_levels if level not in levels) if not isinstance(bases, Outages) else ()
+        other = [level for level in check_levels if level not in levels]
         elsewhere = [Parts.of(networks(bases, given, outages, [level], ())[0], given) for level in other]
         more: dict[str, Any] = {"elsewhere": elsewhere, "checks": checks, "seed": seed}
         return Tuned.found(parts, asked, best, left_out=(*left_out, *unmoved), **more)

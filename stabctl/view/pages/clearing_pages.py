@@ -24,7 +24,7 @@ def clearing_time(found: ClearingTime) -> Page:
         f"{found.case}_clearing-time",
         f"Critical clearing time of {found.case}",
         [f"{found}"],
-        [(cycles(found), "cycles, the critical clearing time"), *time, (found.limit or "nothing", "limits it")],
+        [(found.shown, "cycles, the critical clearing time"), *time, (found.limit or "nothing", "limits it")],
         [
             Section("Runs", [figure(figures.plot_clearing_time(found), "End of every run against the clearing time.")]),
             Section(
@@ -57,7 +57,7 @@ def screen(found: Screen, base: "Case | OperatingPoint | None" = None) -> Page:
                 "not screened.",
             )
         )
-    rows = [(p.place, ", ".join(p.trip), cycles(p), p.limit, _swings(p)) for p in found.pairs]
+    rows = [(p.place, ", ".join(p.trip), p.shown, p.limit, _swings(p)) for p in found.pairs]
     heads = "fault at", "opened to clear it", "critical clearing time (cycles)", "limited by", "swings"
     note = (
         "Zero cycles: unstable after opening the line, even without a fault. Swings: those of the longest stable run, "
@@ -97,12 +97,6 @@ def write_screen(found: Screen, folder: str | Path, *, base: "Case | OperatingPo
     PosixPath('pages/two_area_screen.html')
     """
     return pattern.write(screen(found, base), folder)
-
-
-def cycles(p: ClearingTime) -> str:
-    """The critical clearing time: 0, a number, or the limit of the search."""
-    limit = p.search.limit_cycles
-    return {"unstable_at_zero": "0", "stable_at_limit": f"{limit:g} or more"}.get(p.status) or f"{p.cycles:g}"
 
 
 def _swings(p: ClearingTime) -> str:

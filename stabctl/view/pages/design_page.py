@@ -187,16 +187,8 @@ def _numbers(found: Evidence) -> Iterator[tuple[str, str]]:
 def _controller(c: Any, gain: float | None) -> tuple[str, ...]:
     limits = "none" if np.isinf(c.limits[1]) and np.isinf(c.limits[0]) else f"{c.limits[0]:g} to {c.limits[1]:g}"
     kind, late = f"{c.rate}/s" if c.rate else "continuous", f"{1e3 * c.delay:g} ms"
-    return (
-        c.name,
-        _short(c.inputs),
-        _short(c.outputs),
-        str(len(c.A)),
-        kind,
-        late,
-        limits,
-        number(gain, 1) if gain else "",
-    )
+    largest = number(gain, 1) if gain else ""
+    return c.name, _short(c.inputs), _short(c.outputs), str(len(c.A)), kind, late, limits, largest
 
 
 def _short(names: tuple[str, ...]) -> str:
@@ -234,9 +226,6 @@ def _holds(design: Tuned) -> Iterator[tuple[str, ...]]:
 
 
 def _check(c: Check) -> tuple[str, ...]:
-    def cycles(value: float | None) -> str:
-        return "none" if value is None else f"{value:g}"
-
     lost = "" if c.after.machine is None else str(c.after.machine)
-    own = (cycles(c.replaced.cycles),) if c.replaced else ()
-    return c.label, cycles(c.before.cycles), *own, cycles(c.after.cycles), lost
+    own = (c.replaced.shown,) if c.replaced else ()
+    return c.label, c.before.shown, *own, c.after.shown, lost

@@ -19,7 +19,6 @@ from ..figures import modes as eigenvalues
 from ..figures import trajectory as curves
 from ..figures.palette import INK
 from . import pattern
-from .clearing_pages import cycles
 from .pattern import Page, Part, Section, Text, figure, table
 
 MOST = 500  # buses of a one-line diagram
@@ -136,7 +135,7 @@ def _contingencies(study: Study) -> Iterator[Part]:
 
 def _row(m: Margin) -> tuple[str, ...]:
     p = m.found
-    return p.place, ", ".join(p.trip), cycles(p), f"{m.cycles:+g}", p.limit
+    return p.place, ", ".join(p.trip), p.shown, f"{m.cycles:+g}", p.limit
 
 
 def _worst(study: Study) -> Iterator[Part]:
