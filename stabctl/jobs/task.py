@@ -138,9 +138,9 @@ def _version() -> str:
     return version("stabctl")
 
 
-def run_received(files: tuple[str, ...], task: bytes, shared: bytes) -> Row:
+def run_received(files: Mapping[str, str], task: bytes, shared: bytes) -> Row:
     """Register the user's devices in `files`, which unpickling the case may need, and run a pickled task."""
-    devices.register_missing(files)
+    devices.register_as(files)
     return run_task(pickle.loads(task)._replace(shared=_unpacked(shared)))  # from the process that made the study
 
 
