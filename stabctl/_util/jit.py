@@ -7,7 +7,6 @@ other functions. Numba is imported only when something is compiled. With NUMBA_D
 Python.
 """
 
-import ast
 import atexit
 import hashlib
 import inspect
@@ -18,7 +17,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import import_module
-from importlib.util import find_spec, resolve_name
+from importlib.util import find_spec
 from pathlib import Path
 from threading import RLock
 from types import ModuleType
@@ -221,40 +220,20 @@ def numba_version() -> str:
 
 @cache
 def sources(module: ModuleType) -> str:
-    """Source text and constants of a module and of all modules that it takes functions from.
+    """Source text and constants of a module, and of all modules of the package that it takes functions from.
 
-    Those of `_util` and installed ones in other folders are left out.
+    Those of `_util` are left out.
     """
     seen: dict[str, str] = {}
-    todo, beside = [module], Path(module.__file__ or "").parent
+    todo = [module]
     while todo:
         found = todo.pop()
         file = getattr(found, "__file__", None) or ""
         inside = file.startswith(f"{_PACKAGE}{os.sep}") and not file.startswith(f"{_PACKAGE / '_util'}{os.sep}")
-        if file and found.__name__ not in seen and (inside or own(file) or Path(file).parent == beside):
+        if found.__name__ not in seen and (inside or found is module):
             seen[found.__name__], used = _source(found)
             todo += used
     return "".join(seen[name] for name in sorted(seen))
-
-
-def own_sources(module: ModuleType) -> dict[str, str]:
-    """Name -> source text of a module and of the user's modules that it imports, directly or not."""
-    found: dict[str, str] = {}
-    todo = [module.__name__]
-    while todo:
-        name = todo.pop()
-        file = getattr(sys.modules.get(name), "__file__", None) or ""
-        if name in found or not (own(file) or name == module.__name__):
-            continue
-        found[name] = Path(file).read_text(encoding="utf-8")
-        todo.append(name.rpartition(".")[0])
-        for node in ast.walk(ast.parse(found[name])):
-            if isinstance(node, ast.Import):
-                todo += [one.name for one in node.names]
-            elif isinstance(node, ast.ImportFrom):
-                of = resolve_name("." * node.level + (node.module or ""), sys.modules[name].__package__)
-                todo += [of, *(f"{of}.{one.name}" for one in node.names)]
-    return found
 
 
 def own(file: str) -> bool:

@@ -8,8 +8,9 @@ import importlib
 import importlib.util
 import re
 import sys
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any
@@ -169,17 +170,20 @@ def checked(path: str | Path, module: ModuleType) -> Device:
 
 def _record(file: str, *values: Any) -> Any:
     """Parameters received from another process, where the device of this file is registered."""
-    register_missing([file])
+    if file not in registered():
+        register(file)
     return _registered[Path(file).stem].Par(*values)
 
 
-def register_missing(files: Iterable[str]) -> None:
-    """Register the files that are not registered yet, in a worker process."""
-    for file in files:
-        if file not in registered():
+def register_as(files: Mapping[str, str]) -> None:
+    """Register what another process has registered. Raises `StudyError` for a file that has been edited since then."""
+    for file, code in files.items():
+        if registered().get(file) != code:
             register(file)
+            if registered()[file] != code:
+                raise StudyError(f"{file} has been edited since the study began; run the same command again.")
 
 
-def registered() -> tuple[str, ...]:
-    """Files of the devices registered so far."""
-    return tuple(d.file for d in _registered.values())
+def registered() -> dict[str, str]:
+    """Files of the devices registered so far, with a hash of the content of each."""
+    return {d.file: sha256(d.content.text.encode()).hexdigest() for d in _registered.values()}

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stabctl._util.content import Content, content
 from stabctl._util.errors import StudyError
 
 ROLES: Mapping[str, str] = MappingProxyType(
@@ -144,6 +145,12 @@ class Device:
         """Its file."""
         return str(self.module.__file__)
 
+    @cached_property
+    def content(self) -> Content:
+        """What a device of the user's consists of when it is first asked for: this is what is compiled."""
+        parts = {f.name: vars(self)[f.name] for f in fields_of(self) if f.name != "module"}
+        return content({name: part for name, part in parts.items() if part is not Empty}, self.file)
+
     @property
     def text(self) -> str:
         """The header of its file."""
@@ -208,15 +215,19 @@ _OF_RECORD = {  # constants that are names of fields -> where these are
 }  # fmt: skip
 
 
-@cache
 def of(module: ModuleType) -> Device:
-    """The device of a module.
+    """The device of a module, another one if the module was reloaded, which makes its records anew.
 
     Raises
     ------
     StudyError
         For the first part that means nothing, with the file and what was probably meant.
     """
+    return _of(module, vars(module).get("Par"))
+
+
+@cache
+def _of(module: ModuleType, _par: Any) -> Device:
     inside = vars(module)
     known = {name: inside[name] for name in (*RECORDS, *EQUATIONS) if name in inside}
     known |= {name: inside[constant] for constant, name in CONSTANTS.items() if constant in inside}

@@ -83,10 +83,17 @@ def _module(name: str, device: Device, scalar: type) -> Callable[..., None]:
     if not inside:
         text += f"device = sys.modules[{device.module.__name__!r}]\n"
     text += f"\n\n{write(device, name, scalar)}"
-    stem = f"{name}_{kind}_{jit.digest(text, jit.sources(device.module))}"
+    stem = f"{name}_{kind}_{jit.digest(text, made_of(device))}"
     module = sys.modules[stem] = ModuleType(stem)
     exec(compile(text, f"<{stem}>", "exec"), vars(module))  # text generated above
     return getattr(module, name)  # type: ignore[no-any-return]
+
+
+def made_of(device: Device) -> str:
+    """What the code of a device is made from: sources of the package, and content of what is the user's."""
+    if device.module.__name__.startswith("stabctl."):
+        return jit.sources(device.module)
+    return "".join([device.content.text, *map(jit.sources, device.content.package)])
 
 
 def write(device: Device, name: str, scalar: type) -> str:

@@ -148,6 +148,8 @@ class Cluster:
             return row(task, {}, "error", text)
         except CancelledError:
             return None
+        except StudyError:
+            raise
         except Exception as error:
             raise StudyError(
                 f"The workers of {self.address} cannot run the jobs ({type(error).__name__}: {error}); install this "

@@ -23,9 +23,10 @@ from typing import Annotated, Any, Literal, NamedTuple, Protocol
 import numpy as np
 
 from stabctl import devices
+from stabctl._util.content import Content, attributes, content
 from stabctl._util.errors import StabctlError, StudyError, bug
-from stabctl._util.jit import own_sources
 from stabctl._util.schema import fields
+from stabctl.devices.device import Device
 from stabctl.dynamics import operating_point
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.model.case import Case
@@ -137,9 +138,9 @@ def _version() -> str:
     return version("stabctl")
 
 
-def run_received(files: tuple[str, ...], task: bytes, shared: bytes) -> Row:
+def run_received(files: Mapping[str, str], task: bytes, shared: bytes) -> Row:
     """Register the user's devices in `files`, which unpickling the case may need, and run a pickled task."""
-    devices.register_missing(files)
+    devices.register_as(files)
     return run_task(pickle.loads(task)._replace(shared=_unpacked(shared)))  # from the process that made the study
 
 
@@ -150,15 +151,15 @@ def _unpacked(shared: bytes) -> Any:
 
 def fingerprint(case: Case) -> str:
     """SHA-256 of the content of a case, wherever it was read from, and of the user's own devices in it."""
-    content: dict[str, Any] = {name: [row._asdict() for row in getattr(case, name)] for name in TABLES}
-    content |= {name: getattr(case, name) for name in ("name", "base_mva", "frequency_hz")}
-    content["devices"] = {
+    given: dict[str, Any] = {name: [row._asdict() for row in getattr(case, name)] for name in TABLES}
+    given |= {name: getattr(case, name) for name in ("name", "base_mva", "frequency_hz")}
+    given["devices"] = {
         model: [[number, par._asdict()] for number, par in rows.items()] for model, rows in case.devices.items()
     }
     used = {model: devices.every()[model] for model in case.devices}
-    own = {model: own_sources(device.module) for model, device in used.items() if device.file in devices.registered()}
-    content |= {"device_files": own} if own else {}
-    return sha256(content)
+    own = {model: _read(model, d.content) for model, d in used.items() if d.file in devices.registered()}
+    given |= {"devices_of_the_user": own} if own else {}
+    return sha256(given)
 
 
 def sha256(content: object) -> str:
@@ -187,7 +188,7 @@ def _plain(value: Any) -> Any:
         return _plain(value.tolist())
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         named = {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-        return {"class": type(value).__name__, **_source(type(value)), **named}
+        return {"class": type(value).__name__, **_own(value), **named}
     if isinstance(value, tuple) and hasattr(value, "_asdict"):
         return _plain(value._asdict())
     if hasattr(value, "model_dump"):  # a pydantic model
@@ -203,17 +204,26 @@ def _plain(value: Any) -> Any:
     )
 
 
-def _source(kind: type) -> dict[str, Any]:
-    """The sources of a class that is not the package's own: a change of them changes what the class does."""
-    if kind.__module__.partition(".")[0] == "stabctl":
+def _own(value: Any) -> dict[str, Any]:
+    """What an object of a class of the user's does: its class, its equations if it is a law, and what it was given."""
+    kind = type(value)
+    if kind.__module__.startswith("stabctl."):
         return {}
-    module = sys.modules.get(kind.__module__)
-    if module is None or not getattr(module, "__file__", None):
+    home = getattr(sys.modules.get(kind.__module__), "__file__", None)
+    parts, device = [content([kind, attributes(value)], home)], getattr(value, "device", None)
+    if isinstance(device, Device) and not device.module.__name__.startswith("stabctl."):
+        parts.append(device.content)
+    return {"does": [_read(kind.__name__, part) for part in parts]}
+
+
+def _read(name: str, found: Content) -> str:
+    """SHA-256 of a content. Raises `StudyError` if there is something in it that cannot be read."""
+    if found.unknown:
         raise StudyError(
-            f"{kind.__name__} is not in a file, so a later change of it would go unnoticed in a store; write it to "
-            "one, or leave out the store and the scheduler."
+            f"{name} uses an object of type {found.unknown[0]}, a later change of which would go unnoticed in a store; "
+            "use numbers, texts, arrays and functions, or leave out the store and the scheduler."
         )
-    return {"source": own_sources(module)}
+    return sha256(found.text)
 
 
 _known: OrderedDict[str, OperatingPoint] = OrderedDict()

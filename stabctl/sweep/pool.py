@@ -14,7 +14,7 @@ import threading
 import time
 import warnings
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from multiprocessing import connection
 from typing import Any
@@ -59,6 +59,8 @@ def rows(tasks: Iterable[Task], workers: int) -> Iterator[Row]:
                             waiting.appendleft(task)
                     active.append(Worker())
                 else:
+                    if isinstance(done, StudyError):
+                        raise done
                     failed = 0
                     worker.take(waiting.popleft() if waiting else None)
                     active.extend(Worker() for _ in range(min(workers - len(active), len(waiting))))
@@ -149,15 +151,18 @@ def _without_script() -> Iterator[None]:
         script.update(hidden)
 
 
-def _serve(pipe: connection.Connection, files: tuple[str, ...]) -> None:
+def _serve(pipe: connection.Connection, files: Mapping[str, str]) -> None:
     """The main function of a worker; `files` are the user's devices, which a case received may need."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_follow, daemon=True).start()
     warnings.simplefilter("ignore", RuntimeWarning)
     importlib.import_module(WARM)
-    devices.register_missing(files)
     with suppress(EOFError, BrokenPipeError, ConnectionResetError):  # the starting process is gone
-        pipe.send(None)
+        try:
+            devices.register_as(files)
+            pipe.send(None)
+        except StudyError as error:
+            pipe.send(error)
         while True:
             pipe.send(run_task(pipe.recv()))
 

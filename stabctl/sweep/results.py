@@ -21,12 +21,16 @@ if TYPE_CHECKING:
     import pandas as pd
 
 ANSWERS = tuple(c for c in SWEEP.columns if c not in (*JOB, "key"))  # columns of what was found
+DATA = "data"  # column that tells apart rows of the same inputs
 DEFAULTS = {f.column: f.default for f in fields(Job).values()}
 
 
 @dataclass(frozen=True, repr=False)
 class Results(Tabular):
     """The rows of a results file, in order; changes of the case are columns of their own in tables, as `pss.1.K`.
+
+    Rows whose inputs are the same, because the case or a file of a controller was edited between them, have a column
+    `data`, which says when they were computed: "earlier" or "latest".
 
     Attributes
     ----------
@@ -50,7 +54,8 @@ class Results(Tabular):
     def inputs(self) -> tuple[str, ...]:
         """Columns of the jobs."""
         changes = dict.fromkeys(path for row in self.rows for path in _changes(row))
-        return tuple(name for column in JOB for name in (changes if column == "set" else [column]))
+        data = [DATA] if any(row.get(DATA) for row in self.rows) else []
+        return (*(name for column in JOB for name in (changes if column == "set" else [column])), *data)
 
     @cached_property
     def varying(self) -> tuple[str, ...]:
@@ -89,7 +94,9 @@ class Results(Tabular):
         return pd.DataFrame([[_value(row, c) for c in names] for row in self.rows], columns=names)
 
     def __str__(self) -> str:
-        return f"{len(self.rows) - len(self.errors)} ok, {len(self.errors)} with an error"
+        earlier = sum(row.get(DATA) == "earlier" for row in self.rows)
+        text = f"{len(self.rows) - len(self.errors)} ok, {len(self.errors)} with an error"
+        return text + (f"; {earlier} computed earlier, from other data" if earlier else "")
 
     def _head(self) -> str:
         return ", ".join(f"{c} {value}" for c, value in self.common.items()) + f"\n{self}"
@@ -119,7 +126,7 @@ def read(path: str | Path) -> Results:
     >>> st.read_sweep("places.db").varying
     ('fault', 'storage')
     """
-    return Results(in_order(rows(path)))
+    return of(rows(path))
 
 
 def rows(path: str | Path) -> list[dict[str, Any]]:
@@ -141,9 +148,19 @@ def cell(column: str, value: object) -> str:
     return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value).replace("_", " ")
 
 
-def in_order(rows: Iterable[dict[str, Any]]) -> tuple[dict[str, Any], ...]:
-    """The rows sorted by their jobs, numbers in text by their size: 5%mva before 10%mva."""
-    return tuple(sorted(rows, key=lambda row: [_natural(row[c]) for c in JOB]))
+def of(rows: Iterable[dict[str, Any]]) -> Results:
+    """The rows sorted by their jobs, numbers in text by their size: 5%mva before 10%mva; then by time of completion."""
+    ordered = sorted(rows, key=lambda row: ([_natural(row[c]) for c in JOB], row["finished"] or ""))
+    same: dict[str, list[str]] = {}
+    for row in ordered:
+        same.setdefault(_inputs(row), []).append(row["key"])
+    told = {key: "earlier" for keys in same.values() for key in keys[:-1]}
+    told |= {keys[-1]: "latest" for keys in same.values() if len(keys) > 1}
+    return Results(tuple(row | ({DATA: told[row["key"]]} if row["key"] in told else {}) for row in ordered))
+
+
+def _inputs(row: dict[str, Any]) -> str:
+    return repr([row[c] for c in JOB])
 
 
 def _changes(row: dict[str, Any]) -> dict[str, Any]:

@@ -47,6 +47,7 @@ class Sweep:
     """Summary of a sweep; the results are in its file."""
 
     path: Path
+    keys: frozenset[str]  # of its rows there
     jobs: int  # of the study
     before: int  # that were in the file already
     done: int  # by this sweep
@@ -57,12 +58,12 @@ class Sweep:
 
     @property
     def results(self) -> results.Results:
-        """Every row of the results file."""
-        return results.read(self.path)
+        """The rows of its jobs; the file may have others."""
+        return results.of(row for row in results.rows(self.path) if row["key"] in self.keys)
 
     @property
     def df(self) -> "pd.DataFrame":
-        """Every column of every row of the results file."""
+        """Every column of these rows."""
         return self.results.df
 
     def __str__(self) -> str:
@@ -149,6 +150,7 @@ def run_sweep(
     found = [after[t.key] for t in wanted if t.key in after]
     return Sweep(
         Path(out),
+        frozenset(t.key for t in wanted),
         len(wanted),
         there,
         ended,

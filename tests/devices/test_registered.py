@@ -7,10 +7,12 @@ import sys
 import pytest
 from systems import OWN, ROUND, SEXS, registered, small
 
+import stabctl as st
 from stabctl import devices
-from stabctl._util import jit
 from stabctl._util.errors import StudyError
 from stabctl.dynamics import operating_point
+from stabctl.dynamics._codegen import made_of
+from stabctl.jobs.task import fingerprint
 
 ECHO = '''"""ECHO: a stabilizer that reads its own output."""
 
@@ -81,24 +83,38 @@ def test_a_device_file_that_breaks_leaves_the_one_registered_before(tmp_path):
         assert devices.every()["echo_pss"] is before
 
 
-def test_machine_code_is_another_when_a_file_or_a_constant_beside_the_device_changes(tmp_path, monkeypatch):
+NUMPY = "import numpy as np; TABLE = np.array("
+READ = "TABLE = tuple(map(float, open({data!r}).read().split()))"
+USES = (  # how a device uses the file beside it; two contents of that file, and of data.txt
+    ("from beside import twice: twice(far)", "def twice(x): return 2 * x", "def twice(x): return 3 * x", "", ""),
+    ("from beside import GAIN: GAIN * far", "GAIN = 2.0", "GAIN = 3.0", "", ""),
+    ("from beside import TABLE: TABLE[0] * far", "TABLE = (2.0,)", "TABLE = (3.0,)", "", ""),
+    ("import beside: beside.TABLE[0][1] * far", "TABLE = ((1.0, 2.0),)", "TABLE = ((1.0, 3.0),)", "", ""),
+    ("from beside import TABLE: TABLE[0] * far", f"{NUMPY}[2.0])", f"{NUMPY}[3.0])", "", ""),
+    ("from beside import TABLE: TABLE[1] * far", READ, READ, "1 2", "1 3"),
+)
+
+
+@pytest.mark.parametrize(("use", "first", "second", "before", "after"), USES)
+def test_machine_code_is_another_when_what_a_device_uses_changes_and_only_then(
+    tmp_path, monkeypatch, use, first, second, before, after
+):
+    """What is compiled is filed: a file counts as it was imported, not as it is now."""
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)  # whose files tell seconds apart, not less
-    (tmp_path / "beside.py").write_text("GAIN = 2.0\n\n\ndef twice(x):\n    return 2 * x\n")
-    texts = []
-    for line in ("from beside import twice\n", "from beside import GAIN\n"):
-        file = tmp_path / "echo_pss.py"
-        file.write_text(line + ECHO)
-        for before, after in (
-            (("2 * x", "3 * x"), ("3 * x", "2 * x")) if "twice" in line else (("2.0", "3.0"), ("3.0", "2.0"))
-        ):
-            helper = tmp_path / "beside.py"
-            helper.write_text(helper.read_text().replace(before, after))
-            sys.modules.pop("beside", None)
-            with registered(file):
-                texts.append(jit.digest(jit.sources(devices.every()["echo_pss"].module)))
-    assert texts[0] != texts[1]
-    assert texts[2] != texts[3]
+    line, _, equation = use.partition(": ")
+    file, beside, data = (tmp_path / name for name in ("echo_pss.py", "beside.py", "data.txt"))
+    file.write_text(f"{line}\n{ECHO.replace('Output(far)', f'Output({equation})')}")
+    found = []
+    for text, number in ((first, before), (first, before), (second, after)):
+        beside.write_text(text.format(data=str(data)))
+        data.write_text(number)
+        sys.modules.pop("beside", None)
+        with registered(file) as (device,):
+            beside.write_text("")  # edited before the first use
+            found.append((made_of(device), fingerprint(st.load("two_area").with_device("echo_pss", 1, machine=1))))
+    assert found[0] == found[1]
+    assert all(a != b for a, b in zip(found[1], found[2], strict=True))
 
 
 def test_the_files_of_these_tests_are_devices():

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import stabctl as st
 from stabctl.jobs import task as jobs
 from stabctl.jobs.store import Store
 from stabctl.sweep import study_file
@@ -127,3 +128,28 @@ def test_unusual_values_are_those_of_the_changed_case(stabctl, write, tmp_path, 
     study = write(f'{full}until_s = 1.2\nset."genrou.1.H" = {values}')
     said = stabctl("sweep", "run", study, "--out", tmp_path / "results.db", "--workers", 1)[2]
     assert "1 unusual value: stabctl check two_area --set genrou.1.H=1500\n" in said
+
+
+def test_rows_of_earlier_data_are_told_apart(stabctl, write, tmp_path):
+    """A sweep has the rows of its own jobs; the file has the earlier ones too, which say that they are."""
+    folder, out = tmp_path / "mine", tmp_path / "results.db"
+    st.write(st.load("two_area").set("name", "mine"), folder)
+    study = write(TINY.replace('"two_area"', '"mine"').replace(', "20MW", "50MW", "100MW"', ""))
+    loads = folder / "loads.csv"
+    first = run_sweep(study, out, workers=1)
+    assert "data" not in first.df
+    text = loads.read_text()
+    assert "967" in text
+    loads.write_text(text.replace("967", "990"))
+    second = run_sweep(study, out, workers=1)
+    assert (second.jobs, second.before) == (3, 0)
+    assert {*second.df["key"]} == second.keys != first.keys
+    assert "data" not in second.df
+    loads.write_text(text)
+    assert (again := run_sweep(study, out, workers=1)).before == 3
+    assert again.df.equals(first.df)
+    data = {row["key"]: row["data"] for row in st.read_sweep(out).rows}
+    assert data == dict.fromkeys(first.keys, "earlier") | dict.fromkeys(second.keys, "latest")
+    shown = stabctl("sweep", "show", out)[1]
+    assert "6 ok, 0 with an error; 3 computed earlier, from other data" in shown
+    assert shown.count("\tearlier\t") == shown.count("\tlatest\t") == 3

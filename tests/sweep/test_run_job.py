@@ -1,13 +1,18 @@
 """The result of a job: that of the equivalent call, or a sentence."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from systems import registered
 
+import stabctl as st
+from stabctl import devices
 from stabctl._util.errors import StudyError
 from stabctl.clearing import clearing_time
 from stabctl.controllers import BangBang
+from stabctl.devices.exciters import sexs
 from stabctl.dynamics import operating_point
 from stabctl.estimation.estimate import estimate
 from stabctl.estimation.estimator_control import EstimatorControl
@@ -17,7 +22,7 @@ from stabctl.model import fleet
 from stabctl.simulation.contingency import Contingency
 from stabctl.sweep import job, study_file
 from stabctl.sweep.job import SWEEP
-from stabctl.sweep.sweep import tasks
+from stabctl.sweep.sweep import run_sweep, tasks
 
 SIMULATE = 'kind = "simulate"\ncase = "two_area"\nfault = "7"\ntrip = "7-8"\nclear = "11cyc"\nuntil_s = 3\n'
 
@@ -152,3 +157,21 @@ def test_a_failure_that_must_not_be_is_marked_as_one(results, monkeypatch):
     (result,) = results(SIMULATE)
     assert result.status == "bug"
     assert result.message.startswith("ZeroDivisionError: division by zero.")
+
+
+def test_a_device_file_that_is_edited_stops_the_sweep(tmp_path):
+    """Workers would run what the keys of the rows do not say."""
+    device, study = tmp_path / "own_exciter.py", tmp_path / "study.toml"
+    source = Path(sexs.__file__).read_text().replace("from .", "from stabctl.devices.exciters.")
+    device.write_text(source)
+    with registered(device):
+        case = st.load("two_area")
+        case = case.with_device("own_exciter", 1, **case.devices["sexs"][1]._asdict())
+        st.write(case, tmp_path / "mine")
+        study.write_text('kind = "simulate"\ncase = "mine"\nfault = "7"\nclear = "6cyc"\nuntil_s = 1.2\n')
+        assert run_sweep(study, tmp_path / "a.db", workers=1).errors == 0
+        device.write_text(source.replace("Output(clip(", "Output(0.5 * clip("))
+        with pytest.raises(StudyError, match=r"own_exciter\.py has been edited since the study began"):
+            run_sweep(study, tmp_path / "b.db", workers=1)
+        devices.register(device)
+        assert run_sweep(study, tmp_path / "b.db", workers=1).errors == 0
