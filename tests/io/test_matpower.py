@@ -159,7 +159,8 @@ def test_dispatchable_loads_and_a_missing_reference_bus(tmp_path):
 
 def test_what_is_left_out_with_an_isolated_bus_is_said(tmp_path):
     """A bus at which nothing is in service is left out silently: MATPOWER's cases have such ones."""
-    bus = "	4	4	{}	0	0	0	1	1	0	138	1	1.1	0.9;\n];\nmpc.gen = [\n	4	5	0	9	-9	1	9	{}	9	0;"
+    bus = "	4	4	{}	0	0	0	1	1	0	138	1	1.1	0.9;"
+    bus += "\n];\nmpc.gen = [\n	4	5	0	9	-9	1	9	{}	9	0;"
     line = "mpc.branch = [\n	1	4	0.01	0.1	0	0	0	0	0	0	{};"
     text = SMALL.partition("mpc.gencost")[0].replace("];\nmpc.gen = [", bus).replace("mpc.branch = [", line)
     says = "bus 4 is isolated (type 4) and left out with its demand, generators and branches, as in MATPOWER."

@@ -91,7 +91,8 @@ def _numbers(study: Study) -> Iterator[tuple[str, str]]:
     """The numbers at the top."""
     if study.margins:
         yield f"{study.margins[0].cycles:+g}", "cycles, the smallest margin"
-        yield f"{len(study.insecure)} of {len(study.margins)}", f"contingencies lost with {study.wanted.cycles:g} cycles or less"
+        within = f"{study.wanted.cycles:g} cycles or less"
+        yield f"{len(study.insecure)} of {len(study.margins)}", f"contingencies lost with {within}"
     if study.modes is not None and (worst := study.oscillations):
         yield f"{100 * study.modes.damping_ratio[worst[0]]:.2f} %", "damping ratio of the least damped oscillation"
     if study.low_or_high:
