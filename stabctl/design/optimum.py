@@ -252,17 +252,17 @@ def optimum(
         raise StudyError(f"iterations = {shown(iterations)} is not a number of convex programs; give at least 1.")
     if not case.storage:
         raise StudyError(f"{case.name} has no storage to schedule; give storage='50MW', for example.")
-    limited = [str(key) for key, s in zip(naming.keys(case, "storage"), case.storage, strict=True) if s.ramp]
-    if limited:
-        raise StudyError(
-            f"Schedules cannot be planned for devices with a ramp limit ({', '.join(limited)}); set their ramp to 0."
-        )
     contingency = (contingency if isinstance(contingency, Contingency) else Contingency(contingency)).placed(case)
     length = seconds(window, case.frequency_hz)
     if isinstance(rate, bool) or not isinstance(rate, int) or not 1 <= rate <= 1000:
         raise StudyError(f"rate = {rate!r} orders per second is not allowed; give 1 to 1000.")
     if not 1 / rate <= length <= 60:
         raise StudyError(f"A schedule of {length:g} s is not allowed; give one frame to 60 s.")
+    limited = [str(key) for key, s in zip(naming.keys(case, "storage"), case.storage, strict=True) if s.ramp]
+    if limited:
+        raise StudyError(
+            f"Schedules cannot be planned for devices with a ramp limit ({', '.join(limited)}); set their ramp to 0."
+        )
     search = Search.of(
         case, resolution=resolution, limit=limit, observe=observe, step=step, criterion=criterion, longest=longest
     )
