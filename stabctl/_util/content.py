@@ -8,10 +8,21 @@ an installed one is known by its name.
 import pickle
 import sys
 from collections.abc import Collection, Iterable, Mapping
+from contextlib import suppress
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
-from types import CodeType, EllipsisType, FunctionType, GetSetDescriptorType, MemberDescriptorType, ModuleType, NoneType
+from types import (
+    BuiltinFunctionType,
+    CellType,
+    CodeType,
+    EllipsisType,
+    FunctionType,
+    GetSetDescriptorType,
+    MemberDescriptorType,
+    ModuleType,
+    NoneType,
+)
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,7 +52,9 @@ def content(value: object, home: str | None) -> Content:
 
 def attributes(value: Any) -> dict[str, Any]:
     """Name -> value, of what was given to an object, without what it has computed and kept."""
-    slots = [name for name in getattr(type(value), "__slots__", ()) if hasattr(value, name)]
+    every = [getattr(base, "__slots__", ()) for base in type(value).__mro__]
+    names = [name for one in every for name in ([one] if isinstance(one, str) else one)]
+    slots = [name for name in names if not name.startswith("__") and hasattr(value, name)]
     kept = {name for base in type(value).__mro__ for name, of in vars(base).items() if isinstance(of, cached_property)}
     given = {name: getattr(value, name) for name in slots} | getattr(value, "__dict__", {})
     return {name: one for name, one in given.items() if name not in kept}
@@ -67,7 +80,9 @@ class _Reader:
         if isinstance(value, tuple):
             return self.text(type(value)) + self._texts(value)
         if isinstance(value, set | frozenset):
-            return repr(sorted(map(self.text, value)))
+            fresh = str(self.home / "_") if self.home else None  # a reader that has seen nothing, whatever the order
+            alone = sorted(value, key=lambda one: _Reader(fresh).text(one))
+            return type(value).__name__ + self._texts(alone)
         if id(value) in self.seen:
             return f"#{self.seen[id(value)][0]}"
         self.seen[id(value)] = len(self.seen), value
@@ -90,10 +105,12 @@ class _Reader:
             return self._texts(value)
         if isinstance(value, Mapping):
             return self._texts(value.items())
-        if parts := [getattr(value, name) for name in _WRAPPED if hasattr(value, name)]:
-            return type(value).__name__ + self._texts(parts)
+        if isinstance(value, BuiltinFunctionType):
+            return value.__qualname__ + self._texts([value.__self__])
         if self._own(type(value).__module__) or type(value).__module__.startswith("stabctl."):
             return self.text(type(value)) + self.text(attributes(value))
+        if parts := [getattr(value, name) for name in _WRAPPED if hasattr(value, name)]:
+            return type(value).__name__ + self._texts(parts)
         try:
             return sha256(pickle.dumps(value)).hexdigest()
         except Exception:  # it has a lock, a file, a generator, ...
@@ -126,7 +143,7 @@ class _Reader:
     def _function(self, function: FunctionType) -> str:
         """Bytecode, defaults, and the values of what it uses from around it."""
         names = list(dict.fromkeys(_names(function.__code__)))
-        around = [cell.cell_contents for cell in function.__closure__ or ()]
+        around = [_contents(cell) for cell in function.__closure__ or ()]
         used = {name: function.__globals__[name] for name in names if name in function.__globals__}
         imported = {name: sys.modules[name] for name in names if name in sys.modules and self._own(name)}
         used |= self._inside([*used.values(), *imported.values()], names)
@@ -144,6 +161,13 @@ class _Reader:
                 todo += [value for value in inside.values() if isinstance(value, ModuleType) and value not in todo]
                 found |= {f"{module.__name__}.{name}": value for name, value in inside.items()}
         return found
+
+
+def _contents(cell: CellType) -> Any:
+    """What a cell of a closure holds; None before it holds anything."""
+    with suppress(ValueError):
+        return cell.cell_contents
+    return None
 
 
 def _names(code: CodeType) -> Iterable[str]:

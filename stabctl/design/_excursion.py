@@ -169,7 +169,9 @@ def window(scheduled: Scheduled, plan: Plan, run: Trajectory, limit: float = np.
     number, row = np.unique(frame[inside], return_index=True)
     bus = [run.point.net.place[s.bus] for s in run.point.case.storage]
     acts = np.ones(plan.orders.shape, bool)
-    acts[number[number >= 0]] = np.abs(run.arrays.V[row[number >= 0]][:, bus]) >= scheduled.law.min_voltage
+    number, row = number[number >= 0], row[number >= 0]
+    allowed = np.abs(run.arrays.V[row][:, bus]) >= scheduled.law.min_voltage
+    acts[number] = np.where(plan.orders[number] != 0, run.arrays.order[row] != 0, allowed)
     moves = run.arrays.swing
     inside &= np.maximum.accumulate(np.abs(moves).max(axis=1)) <= limit
     return Window(run.time[inside], frame[inside], moves[inside], int(np.searchsorted(frame, 0)), acts)

@@ -165,7 +165,9 @@ def checked(path: str | Path, module: ModuleType) -> Device:
     wrong = trial.unreadable(module) or misspelt(module) or trial.mistake(of(module))
     if wrong:
         raise StudyError(f"{path}: {wrong}{'' if wrong.endswith('?') else '.'}")
-    return of(module)
+    device = of(module)
+    _ = device.content  # as it is now: what it computes later and keeps is none of it
+    return device
 
 
 def _record(file: str, *values: Any) -> Any:

@@ -216,18 +216,18 @@ _OF_RECORD = {  # constants that are names of fields -> where these are
 
 
 def of(module: ModuleType) -> Device:
-    """The device of a module, another one if the module was reloaded, which makes its records anew.
+    """The device of a module, another one if the module was reloaded, which makes its parts anew.
 
     Raises
     ------
     StudyError
         For the first part that means nothing, with the file and what was probably meant.
     """
-    return _of(module, vars(module).get("Par"))
+    return _of(module, tuple(vars(module).get(name) for name in (*RECORDS, *EQUATIONS)))
 
 
 @cache
-def _of(module: ModuleType, _par: Any) -> Device:
+def _of(module: ModuleType, _parts: tuple[Any, ...]) -> Device:
     inside = vars(module)
     known = {name: inside[name] for name in (*RECORDS, *EQUATIONS) if name in inside}
     known |= {name: inside[constant] for constant, name in CONSTANTS.items() if constant in inside}

@@ -96,7 +96,7 @@ class Results(Tabular):
     def __str__(self) -> str:
         earlier = sum(row.get(DATA) == "earlier" for row in self.rows)
         text = f"{len(self.rows) - len(self.errors)} ok, {len(self.errors)} with an error"
-        return text + (f"; {earlier} computed earlier, from other data" if earlier else "")
+        return text + (f"; {earlier} computed earlier, from other data or by another version" if earlier else "")
 
     def _head(self) -> str:
         return ", ".join(f"{c} {value}" for c, value in self.common.items()) + f"\n{self}"

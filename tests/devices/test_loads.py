@@ -121,6 +121,11 @@ DIPPED = {  # the torque has a peak, a dip, and torque again at larger slips
 }
 
 
+def test_a_motor_with_hardly_any_resistance_breaks_down_at_hardly_any_slip():
+    p = cim.prepare(motor(0, 1, 1)._replace(P0=0.8, V0=1.0, Mbase=100.0, R1=1e-8))
+    assert 0 < p.slip < p.pull_out < 1e-5
+
+
 @pytest.mark.parametrize("name", DIPPED)
 def test_two_cages_run_before_the_first_peak_of_their_torque(name):
     """By the equivalent circuit, at every slip: power and torque rise to the slip of the start and to that peak."""

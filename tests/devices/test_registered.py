@@ -117,6 +117,19 @@ def test_machine_code_is_another_when_what_a_device_uses_changes_and_only_then(
     assert all(a != b for a, b in zip(found[1], found[2], strict=True))
 
 
+def test_what_a_device_computes_and_keeps_is_none_of_it(tmp_path):
+    """Workers compare its content as it was registered."""
+    file = tmp_path / "echo_pss.py"
+    kept = "_known = {}\n\n\ndef prepare(p):\n    _known[p.machine] = p\n    return p\n\n\n"
+    file.write_text(ECHO.replace("@inline", kept + "@inline"))
+    with registered(file) as (device,):
+        before = devices.registered()[device.file]
+        device.prepare(device.Par(machine=7))
+        assert devices.registered()[device.file] == before
+    with registered(file) as (device,):
+        assert devices.registered()[device.file] == before
+
+
 def test_the_files_of_these_tests_are_devices():
     for path in sorted(OWN.glob("*.py")):
         if not path.name.startswith(("test_", "conftest")):

@@ -163,7 +163,7 @@ def test_what_is_left_out_with_an_isolated_bus_is_said(tmp_path):
     bus += "\n];\nmpc.gen = [\n	4	5	0	9	-9	1	9	{}	9	0;"
     line = "mpc.branch = [\n	1	4	0.01	0.1	0	0	0	0	0	0	{};"
     text = SMALL.partition("mpc.gencost")[0].replace("];\nmpc.gen = [", bus).replace("mpc.branch = [", line)
-    says = "bus 4 is isolated (type 4) and left out with its demand, generators and branches, as in MATPOWER."
+    says = "bus 4 is isolated (type 4) and left out with what is in service at it, as in MATPOWER."
     for used in [(0, 0, 0), (7, 0, 0), (0, 1, 0), (0, 0, 1)]:
         notes = st.load(written(tmp_path, text.format(*used))).notes
         assert any(says in note for note in notes) == any(used)

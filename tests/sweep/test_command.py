@@ -151,5 +151,5 @@ def test_rows_of_earlier_data_are_told_apart(stabctl, write, tmp_path):
     data = {row["key"]: row["data"] for row in st.read_sweep(out).rows}
     assert data == dict.fromkeys(first.keys, "earlier") | dict.fromkeys(second.keys, "latest")
     shown = stabctl("sweep", "show", out)[1]
-    assert "6 ok, 0 with an error; 3 computed earlier, from other data" in shown
+    assert "6 ok, 0 with an error; 3 computed earlier, from other data or by another version" in shown
     assert shown.count("\tearlier\t") == shown.count("\tlatest\t") == 3

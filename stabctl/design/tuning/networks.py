@@ -123,7 +123,7 @@ def _after(case: Case, c: Contingency) -> Case:
         if isinstance(one, Open) and one.end == "both":
             opened.add(naming.row(case, "branches", str(one.branch)))
         elif not isinstance(one, Fault | Clear):
-            raise StudyError(f"only opened circuits are tuned for, and there is a {described(one)}")
+            raise StudyError(f"only opened circuits are tuned for, not: {described(one)}")
     if not opened:
         raise StudyError("no circuit is open afterwards")
     rest = tuple(b for i, b in enumerate(case.branches) if i not in opened)

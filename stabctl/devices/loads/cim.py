@@ -137,7 +137,7 @@ def prepare(p: Par) -> Par:
 
     slips = np.geomspace(1e-6, 1, 1000)
     k = int(np.argmax(np.diff(torque(slips), append=-np.inf) < 0))  # the first peak, or slip 1
-    ends = slips[k - 1], slips[min(k + 1, len(slips) - 1)]
+    ends = slips[max(k - 1, 0)], slips[min(k + 1, len(slips) - 1)]
     fine: Any = {"bounds": ends, "method": "bounded", "options": {"xatol": 1e-9}}
     pull_out = float(minimize_scalar(lambda slip: -torque(slip), **fine).x)
     if not drawn(1e-9) <= p.P0 <= drawn(pull_out):

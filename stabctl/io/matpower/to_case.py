@@ -116,8 +116,8 @@ def _isolated(file: Mpc) -> Iterator[str]:
     used |= {end for k, _ in file.of("branch") if k.BR_STATUS for end in (k.F_BUS, k.T_BUS)}
     for bus, place in file.of("bus"):
         if bus.BUS_TYPE == ISOLATED and (bus.PD or bus.QD or bus.BUS_I in used):
-            what = "demand, generators and branches"
-            yield f"{place}: bus {bus.BUS_I} is isolated (type 4) and left out with its {what}, as in MATPOWER."
+            what = f"bus {bus.BUS_I} is isolated (type 4)"
+            yield f"{place}: {what} and left out with what is in service at it, as in MATPOWER."
 
 
 class Network(TableBuilder):
