@@ -25,8 +25,8 @@ systems; do not edit it. Their sources are
 SYSTEMS = """\
 A system is *complete* if all that is in service and connected to a swing bus is represented. The power mismatch is the
 largest at any bus, at the stored voltages; it is large if a file was changed after its power flow was solved. The drift
-is the largest change of a voltage or a speed in 2 s without a fault; it is large if the initial state exceeds the limits
-in the column before it.
+is the largest change of a voltage or a speed in 2 s without a fault; it is large if the initial state exceeds the
+limits in the column before it.
 """
 HEADS = ["System", "Buses", "Machines", "Records", "Supported", "Complete"]
 HEADS += ["Mismatch, MW", "Limits exceeded", "Drift, pu"]
