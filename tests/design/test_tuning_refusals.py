@@ -112,9 +112,9 @@ def test_a_text_is_one_contingency_and_outages_have_their_intact_network(cases):
     [
         (Contingency("7", trip=["7-8"], events="8-9@2s"), 2),
         (Contingency("7", after="8-7@6cyc"), 1),
-        (Contingency("7", trip="7-8", after="2@0s"), "a trip of machine 2"),
-        (Contingency("7", events="2@1s"), "a trip of machine 2"),
-        (Contingency("7", trip="7-8", events="7:+50MW@1s"), "a load step at bus 7"),
+        (Contingency("7", trip="7-8", after="2@0s"), "not: trip of machine 2"),
+        (Contingency("7", events="2@1s"), "not: trip of machine 2"),
+        (Contingency("7", trip="7-8", events="7:+50MW@1s"), "not: load step at bus 7"),
         ("7", "no circuit is open afterwards"),
     ],
     ids=str,
