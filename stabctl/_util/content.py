@@ -1,4 +1,4 @@
-"""What Python objects of the user's consist of, as text that differs where they do different things.
+"""What a user's Python objects consist of, as text that differs where they do different things.
 
 A function consists of its bytecode and the values of the names that it uses, a class of its attributes, and so on. What
 counts is in memory, since a file may have been edited after its import. What belongs to Python, to this package or to
@@ -46,7 +46,7 @@ class Content(NamedTuple):
 
 def content(value: object, home: str | None) -> Content:
     """What a value consists of; what is installed in the folder of the file `home` counts as the user's, too."""
-    reader = _Reader(home)
+    reader = _Reader(Path(home).parent if home else None)
     return Content(reader.text(value), tuple(reader.package.values()), tuple(reader.unknown))
 
 
@@ -63,8 +63,8 @@ def attributes(value: Any) -> dict[str, Any]:
 class _Reader:
     """Reads objects; one that was read before is told by its number, so that circles end."""
 
-    def __init__(self, home: str | None) -> None:
-        self.home = home and Path(home).parent
+    def __init__(self, home: Path | None) -> None:
+        self.home = home
         self.seen: dict[int, tuple[int, object]] = {}  # the objects are held, as their addresses must not be used again
         self.package: dict[str, ModuleType] = {}
         self.unknown: list[str] = []
@@ -80,8 +80,7 @@ class _Reader:
         if isinstance(value, tuple):
             return self.text(type(value)) + self._texts(value)
         if isinstance(value, set | frozenset):
-            fresh = str(self.home / "_") if self.home else None  # a reader that has seen nothing, whatever the order
-            alone = sorted(value, key=lambda one: _Reader(fresh).text(one))
+            alone = sorted(value, key=lambda one: _Reader(self.home).text(one))  # whatever was read before
             return type(value).__name__ + self._texts(alone)
         if id(value) in self.seen:
             return f"#{self.seen[id(value)][0]}"

@@ -172,7 +172,7 @@ def checked(path: str | Path, module: ModuleType) -> Device:
 
 def _record(file: str, *values: Any) -> Any:
     """Parameters received from another process, where the device of this file is registered."""
-    if file not in registered():
+    if file not in (device.file for device in _registered.values()):
         register(file)
     return _registered[Path(file).stem].Par(*values)
 

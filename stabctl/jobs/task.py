@@ -157,7 +157,8 @@ def fingerprint(case: Case) -> str:
         model: [[number, par._asdict()] for number, par in rows.items()] for model, rows in case.devices.items()
     }
     used = {model: devices.every()[model] for model in case.devices}
-    own = {model: _read(model, d.content) for model, d in used.items() if d.file in devices.registered()}
+    files = devices.registered()
+    own = {model: _read(model, d.content) for model, d in used.items() if d.file in files}
     given |= {"devices_of_the_user": own} if own else {}
     return sha256(given)
 

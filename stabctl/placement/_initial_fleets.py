@@ -35,8 +35,7 @@ def feasible(trials: Trials, uniform: np.ndarray) -> tuple[Trials, list[Boundary
     The uniform fleet (candidates, MW) and each candidate alone are tried, from small sizes to the caps. Raises
     StudyError if no contingency is feasible.
     """
-    alone = [np.where(np.arange(len(uniform)) == i, trials.cap / 4, 0.0) for i in range(len(uniform))]
-    found = trials.each(lambda k: _boundary(trials, [uniform, *alone], k))
+    found = trials.each(lambda k: _boundary(trials, [uniform, *np.diag(trials.cap / 4)], k))
     kept = [k for k, one in enumerate(found) if one is not None]
     infeasible = {trials.scenarios[k]: _infeasible(trials, k) for k, one in enumerate(found) if one is None}
     if not kept:
@@ -108,8 +107,7 @@ def single_fleets(search: CuttingPlanes) -> None:
 
     Nothing leads there from fleets at several sites where those between survive less.
     """
-    for i in range(len(search.trials.cap)):
-        alone = np.where(np.arange(len(search.trials.cap)) == i, search.trials.cap, 0.0)
+    for alone in np.diag(search.trials.cap):
         most = min(search.prices.affordable(alone, search.cost), 1.0)
         fleet = _scaled_down(search, most * alone)
         if fleet is not None and (whole := search.buildable(fleet)) is not None:
