@@ -155,7 +155,7 @@ def _equipped(device: Storage, options: Mapping[str, Any]) -> Storage:
     if not made.energy and made.storage_model in MODELS and every()[made.device].kit.finite:
         raise StudyError(
             f"The power of a {made.storage_model} depends on its stored energy, which must be limited; give its "
-            "capacity: energy='5kWh', or --storage-energy 5kWh."
+            "capacity: energy='5kWh', --storage-energy 5kWh, or storage_energy_mwh = '5kWh' of a sweep."
         )
     return made
 

@@ -32,7 +32,7 @@ from stabctl.simulation.simulate import simulate
 from stabctl.simulation.trajectory import Trajectory
 
 JobKind = Literal["clearing-time", "simulate"]
-FORMAT = 11  # of keys and rows; raised when a job or a result changes its meaning
+FORMAT = 12  # of keys and rows; raised when a job or a result changes its meaning
 
 
 class Job(NamedTuple):
@@ -59,6 +59,7 @@ class Job(NamedTuple):
     characteristic: Annotated[Characteristic, "-", "what a storage device holds constant"] = "power"
     lag: Annotated[float, "s", "time constant from order to power", NOT_NEGATIVE] = 0.0
     storage_model: Annotated[StorageModel, "-", "ideal devices, or behind converters"] = "ideal"
+    storage_energy: Annotated[float, "MWh", "energy capacity of a device (0: no limit)", NOT_NEGATIVE] = 0.0
     storage_mva: Annotated[
         str, "-", "MVA of a device: 60MVA, 120% of its power rating (empty: 100%), or for its power at 0.8pu"
     ] = ""
@@ -88,10 +89,9 @@ class Job(NamedTuple):
 
     @property
     def devices(self) -> dict[str, Any]:
-        """Columns of the storage devices."""
-        given = {"storage_model": self.storage_model, "mva": self.storage_mva, "converter": self.converter}
-        connected = {name: value for name, value in given.items() if value not in ("ideal", "")}
-        return {"characteristic": self.characteristic, "lag": self.lag, **connected}
+        """Columns of the devices of `storage` that are not the usual ones."""
+        given = {column: getattr(self, name) for name, column in OF_DEVICES.items()}
+        return {column: value for column, value in given.items() if value not in ("power", "ideal", 0.0, "")}
 
     @property
     def criterion(self) -> Criterion:
@@ -122,6 +122,14 @@ class Job(NamedTuple):
         return json.loads(self.set) if self.set else {}
 
 
+OF_DEVICES = {
+    "characteristic": "characteristic",
+    "lag": "lag",
+    "storage_model": "storage_model",
+    "storage_energy": "energy",
+    "storage_mva": "mva",
+    "converter": "converter",
+}  # field of a job -> column of the devices of `storage`
 ONLY: dict[str, JobKind] = {
     "clear": "simulate",
     "at": "simulate",

@@ -33,12 +33,12 @@ from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
 
 from . import pool, results, study_file
-from .job import FORMAT, SWEEP, Job
+from .job import FORMAT, OF_DEVICES, SWEEP, Job
 
 if TYPE_CHECKING:
     import pandas as pd
 
-OF_STORAGE = "deadband", "min_voltage"  # options of the law of storage, with which estimates are also judged
+OF_LAWS = "deadband", "min_voltage"  # options of the law of storage, with which estimates are also judged
 OF_PMUS = "pmu_rate", "pmu_noise", "latency", "loss", "seed"
 
 
@@ -267,9 +267,14 @@ def _changed(path: Path, case: Case, job: Job) -> Case:
 def _idle(path: Path, jobs: Sequence[Job], load: Callable[[str], Case]) -> None:
     """Reject options of storage in a study where no job has any, and those of PMUs without an estimator."""
     usual = Job("simulate", "")
-    stored = {job for job in jobs if job.storage not in ("", "none") or (not job.storage and load(job.case).storage)}
+    new = {job for job in jobs if job.storage not in ("", "none")}
+    stored = new | {job for job in jobs if not job.storage and load(job.case).storage}
     seen = {job for job in jobs if job.estimator != "ideal"}
-    for names, acting, lacks in ((OF_STORAGE, stored | seen, "storage"), (OF_PMUS, seen, "an estimator")):
+    for names, acting, lacks in (
+        (OF_DEVICES, new, "devices given with the key storage"),
+        (OF_LAWS, stored | seen, "storage"),
+        (OF_PMUS, seen, "an estimator"),
+    ):
         for name in names:
             given = {job for job in jobs if getattr(job, name) != getattr(usual, name)}
             if given and not given & acting:
@@ -298,7 +303,7 @@ def _check(path: Path, job: Job, case: Case, checked: set[tuple[str, ...]]) -> N
             raise StudyError(f"{path}, {name} = {text!r}: {error}") from None
         checked.add((job.case, job.set, name, text))
     _times(path, job, case.frequency_hz)
-    key = (job.case, job.set, job.storage, *map(str, job.devices.values()))
+    key = (job.case, job.set, job.storage, str(job.devices))
     if job.storage and key not in checked:
         try:
             _with_storage(case, job, **job.devices)

@@ -47,8 +47,8 @@ def complaint(result):
             "--engine",
         ),
         (("place", "two_area", "--seed", "9"), "--seed is that"),
-        (("place", "two_area", "--storage-model", "supercap"), "or --storage-energy 5kWh"),
-        (("modes", "two_area", "--storage", "50MW", "--storage-model", "flywheel_regc"), "or --storage-energy 5kWh"),
+        (("place", "two_area", "--storage-model", "supercap"), "--storage-energy 5kWh, or"),
+        (("modes", "two_area", "--storage", "50MW", "--storage-model", "flywheel_regc"), "--storage-energy 5kWh, or"),
         (("design", "pod", "two_area", "--rank", "--rate", "60"), "--rank only ranks pairs"),
         (("design", "pod", "two_area", "--rank", "--out", "k.toml"), "--rank only ranks pairs"),
         (

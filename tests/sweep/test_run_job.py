@@ -56,6 +56,15 @@ def test_a_clearing_time_is_that_of_the_call(results, cases):
     assert result.message == str(found)
 
 
+def test_supercapacitors_have_the_energy_of_their_key(results, cases):
+    rows = results(SIMULATE + 'storage = "50MW"\nstorage_model = "supercap"\nstorage_energy_mwh = ["5kWh", 0.2]\n')
+    for energy, row in zip((0.005, 0.2), rows, strict=True):
+        case = cases("two_area").with_storage("50MW", storage_model="supercap", energy=energy)
+        run = case.simulate(Contingency("7", 11 / 60, ["7-8"]), 3.0, control=BangBang(), record=True)
+        assert row.energy_mwh == pytest.approx(np.ptp(run.arrays.energy, axis=0).sum(), rel=1e-12)
+    assert rows[0].energy_mwh < 0.9 * rows[1].energy_mwh
+
+
 def test_a_simulation_under_an_estimator_is_that_of_the_call(results, cases):
     ideal, kalman, alone = results(
         SIMULATE + '[[job]]\nstorage = "50MW"\n[[job]]\nstorage = "50MW"\nestimator = "kalman"\nseed = 4\n'

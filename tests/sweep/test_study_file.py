@@ -38,6 +38,17 @@ def test_options_of_some_jobs_alone_are_no_mistake(write):
     assert len(tasks(study_file.read(path), path)) == 4
 
 
+@pytest.mark.parametrize(
+    "key", ["characteristic", "lag_s", "storage_model", "storage_energy_mwh", "storage_mva", "converter"]
+)
+def test_columns_of_new_devices_are_refused_for_those_of_the_case(write, cases, tmp_path, key):
+    io.write(cases("two_area").with_storage("50MW"), tmp_path / "mine")
+    value = {"characteristic": "'current'", "storage_model": "'regc'", "storage_mva": "'120%'", "converter": "'Imax=2'"}
+    path = write(HEAD.replace("two_area", "mine") + f"{key} = {value.get(key, 0.02)}\n")
+    with pytest.raises(StudyError, match=rf"{key}: it has no effect without devices given with the key storage"):
+        tasks(study_file.read(path), path)
+
+
 def test_lists_and_grids_are_crossed(write):
     jobs = study_file.read(
         write(
@@ -114,6 +125,7 @@ def test_groups_belong_together_and_lie_over_what_stands_above(write):
         (HEAD + "estimator = 'kalman'\npmu_rate = 61", "not possible; choose one of"),
         (HEAD + "latency_ms = [50, 100]", "latency_ms: it has no effect without an estimator"),
         (HEAD + "deadband_hz = [0.1, 0.2]\nstorage = 'none'", "deadband_hz: it has no effect without storage"),
+        (HEAD + "storage = '50MW'\nstorage_model = 'flywheel'", "energy, which must be limited"),
         (HEAD + "machines = 'classical'\nset.'pss.1.K' = [1, 2]", "set.pss.1.K = 1: it has no effect with machines"),
         (HEAD + "until_s = 1.1", "until_s = 1.1: the fault is not cleared before that"),
         (CLEARING + "limit = '1cyc'\nresolution = '2cyc'", "limit = '1cyc': it is below the resolution"),
