@@ -10,6 +10,7 @@ from stabctl.design.tuning.networks import networks
 from stabctl.design.tuning.parts import Asked, Parts
 from stabctl.design.tuning.rounds import Rounds
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.events import Open
 
 
 def test_a_damping_that_no_controller_can_reach_is_said_before_the_search(cases):
@@ -112,6 +113,8 @@ def test_a_text_is_one_contingency_and_outages_have_their_intact_network(cases):
     [
         (Contingency("7", trip=["7-8"], events="8-9@2s"), 2),
         (Contingency("7", after="8-7@6cyc"), 1),
+        (Contingency(events=[Open("7-8", "1s", end=7), Open("8-7", "1.1s", end=8)]), 1),
+        (Contingency(events=[Open("7-8", "1s", end=7), Open("8-9", "1s")]), "not: opening of 7-8 at bus 7"),
         (Contingency("7", trip="7-8", after="2@0s"), "not: trip of machine 2"),
         (Contingency("7", events="2@1s"), "not: trip of machine 2"),
         (Contingency("7", trip="7-8", events="7:+50MW@1s"), "not: load step at bus 7"),
@@ -130,6 +133,17 @@ def test_a_network_after_a_contingency_has_all_that_opens_and_nothing_else_happe
     else:
         assert left_out == []
         assert len(every[1].point.case.branches) == len(case.branches) - opened
+
+
+def test_a_check_level_without_a_power_flow_is_left_out_and_said(cases):
+    few = {"outages": "none", "levels": (1.0,), "gains": (), "checks": 0, "starts": 1}
+    found = tune(cases("two_area_thyristor"), [stabilizers([1])], check_levels=(0.9, 3.0), **few)
+    ((name, why),) = found.left_out
+    assert name.endswith("at 300 %")
+    assert "power flow" in why
+    assert [what.partition(" at ")[2] for what, _ in found.robustness if "not tuned for" in what] == [
+        "90 %, not tuned for"
+    ]
 
 
 def test_a_store_tells_apart_what_changes_the_search(cases):

@@ -1,5 +1,6 @@
 """The networks that a tuning serves: outages, load levels, and networks after contingencies."""
 
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,7 +12,7 @@ from stabctl.dynamics.operating_point import OperatingPoint, operating_point, so
 from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
-from stabctl.simulation.events import Clear, Fault, Open, described
+from stabctl.simulation.events import Clear, Event, Fault, Open, described
 
 from ..outages import Outages, outages, reason
 from ..result import operating_points
@@ -118,12 +119,16 @@ def _outages(point: OperatingPoint) -> tuple[list[OperatingPoint], list[tuple[st
 
 def _after(case: Case, c: Contingency) -> Case:
     """The case without the circuits that a contingency opens; raises `StudyError` if it does more, or opens none."""
-    opened = set[int]()
+    opened = defaultdict[int, dict[int | str, Event]](dict)  # row of a branch -> end -> its opening
+    others: list[Event] = []
     for one in c.with_clear("1cyc").timed(case):
-        if isinstance(one, Open) and one.end == "both":
-            opened.add(naming.row(case, "branches", str(one.branch)))
+        if isinstance(one, Open):
+            opened[naming.row(case, "branches", str(one.branch))][one.end] = one
         elif not isinstance(one, Fault | Clear):
-            raise StudyError(f"only opened circuits are tuned for, not: {described(one)}")
+            others.append(one)
+    others += [one for ends in opened.values() if len(ends) == 1 and "both" not in ends for one in ends.values()]
+    if others:
+        raise StudyError(f"only opened circuits are tuned for, not: {described(others[0])}")
     if not opened:
         raise StudyError("no circuit is open afterwards")
     rest = tuple(b for i, b in enumerate(case.branches) if i not in opened)

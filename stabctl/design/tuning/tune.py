@@ -141,10 +141,11 @@ def tune(
         with Runner(TUNING, store=store, workers=workers) as runner:
             best = Rounds(runner, parts, asked, given, tell).best(starts, seed)
         tell("evidence", 1.0)
-        other = [level for level in check_levels if level not in levels]
-        elsewhere = [Parts.of(networks(bases, given, outages, [level], ())[0], given) for level in other]
+        other = [networks(bases, given, outages, [level], ()) for level in check_levels if level not in levels]
+        left_out += [*unmoved, *(pair for found, out in other if not found for pair in out)]
+        elsewhere = [Parts.of(found, given) for found, _ in other if found]
         more: dict[str, Any] = {"elsewhere": elsewhere, "checks": checks, "seed": seed}
-        return Tuned.found(parts, asked, best, left_out=(*left_out, *unmoved), **more)
+        return Tuned.found(parts, asked, best, left_out=tuple(left_out), **more)
 
 
 def _asked(
