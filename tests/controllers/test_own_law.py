@@ -135,4 +135,4 @@ def test_what_cannot_be_compiled_in_a_device_is_told_with_its_line(tmp_path):
         registered(file),
         pytest.raises(StudyError, match=r"clipped\.py: line \d+, output cannot be compiled: .*np\.clip"),
     ):
-        st.load("two_area").with_device("clipped", 1, bus=7, machine=2, Kv=1.0).initialize()
+        st.load("two_area").with_device("clipped", 1, bus=7, other=2, Kv=1.0).initialize()

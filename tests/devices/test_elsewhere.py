@@ -71,7 +71,7 @@ class TestElsewhere:
 
     def test_zero_means_its_own_bus_and_machine(self):
         with kind("signals from elsewhere") as models:
-            here = {**models, "wide_area": models["wide_area"]._replace(bus=0, machine=0)}
+            here = {**models, "wide_area": models["wide_area"]._replace(bus=0, other=0)}
             traced = run(operating_point.solve(small(here)), STEP, 0.5)
         assert np.array_equal(self.read(traced, "far"), traced.arrays.speed[:, 0])
         assert np.abs(self.read(traced, "V") - np.abs(traced.arrays.V[:, 0])).max() < 1e-15
@@ -88,7 +88,7 @@ class TestElsewhere:
         [
             ({"bus": 9}, "There is no bus 9 in small, the bus of wide-area stabilizer 1; choose another."),
             (
-                {"machine": 9},
+                {"other": 9},
                 "Machine 9 of small has no signal omega, which wide-area stabilizer 1 reads; choose another machine.",
             ),
         ],
@@ -100,7 +100,7 @@ class TestElsewhere:
 
     def test_a_machine_without_the_signal_is_called_by_its_name(self):
         with kind("signals from elsewhere") as models:
-            case = small({**models, "wide_area": models["wide_area"]._replace(machine=3)})
+            case = small({**models, "wide_area": models["wide_area"]._replace(other=3)})
             machines = (*case.machines, Machine(3, 2, 100.0, 0.0, 2, name="2/S"))
             svc = {3: csvgn1.Par(0, 0, 0, K=20.0, T1=0.0, T2=1.0, T3=0.15, T4=1.0, T5=0.01, Cbase=60.0)}
             case = replace(case, machines=machines, devices={**case.devices, "csvgn1": svc})

@@ -8,6 +8,7 @@ from systems import OWN, registered
 from stabctl import devices
 from stabctl._util.errors import StudyError
 from stabctl.devices import trial
+from stabctl.model import tables
 
 GOOD = (OWN / "wide_area.py").read_text()
 SEXS = Path(devices.every()["sexs"].file).read_text("utf-8").replace("from .", "from stabctl.devices.exciters.")
@@ -41,6 +42,7 @@ MISTAKES = {
         'ROLE = "governor"',
         "the role governor gives Pm, but Output has no such field",
     ),
+    "a parameter called as the key": ("    other: Ann", "    machine: Ann", "machine is the column that says"),
     "no such limit": (
         'ROLE = "stab',
         'LIMITS = {"slaw": ("Vmin", "Vmax")}\nROLE = "stab',
@@ -75,7 +77,7 @@ MISTAKES = {
     ),
     "no such parameter of a record": (
         'ROLE = "stab',
-        'DYR = {"WIDE": "bus machine Kz"}\nROLE = "stab',
+        'DYR = {"WIDE": "bus other Kz"}\nROLE = "stab',
         "DYR WIDE contains 'Kz', which is not a field of Par",
     ),
     "no such state": ("u.V - x.slow)", "u.V - x.fast)", "output: 'State' object has no attribute 'fast'"),
@@ -162,6 +164,11 @@ def test_what_another_file_does_to_a_derivative_is_told(tmp_path, monkeypatch):
     file.write_text(text.replace("(p.T, u.V", "(p.T, size(u.V)"))
     with registered(), pytest.raises(StudyError, match=r"derivatives loses the derivative by u\.V"):
         devices.register(file)
+
+
+def test_the_keys_that_no_parameter_may_be_called_are_those_of_the_tables():
+    for name in devices.models():
+        assert trial._KEYS.get(tables.role(name), "machine") == tables.key_field(name).name
 
 
 @pytest.mark.parametrize("name", devices.every())

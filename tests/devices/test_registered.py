@@ -28,13 +28,13 @@ ROLE = "stabilizer"
 class Par(NamedTuple):
     """Constants."""
 
-    machine: Annotated[int, "-", "machine"]
+    other: Annotated[int, "-", "machine"]
 
 
 class Input(NamedTuple):
     """Signals."""
 
-    far: Annotated[float, "pu", "signal", At("Vs", "machine")]
+    far: Annotated[float, "pu", "signal", At("Vs", "other")]
 
 
 class Output(NamedTuple):
@@ -112,7 +112,7 @@ def test_machine_code_is_another_when_what_a_device_uses_changes_and_only_then(
         sys.modules.pop("beside", None)
         with registered(file) as (device,):
             beside.write_text("")  # edited before the first use
-            found.append((made_of(device), fingerprint(st.load("two_area").with_device("echo_pss", 1, machine=1))))
+            found.append((made_of(device), fingerprint(st.load("two_area").with_device("echo_pss", 1, other=1))))
     assert found[0] == found[1]
     assert all(a != b for a, b in zip(found[1], found[2], strict=True))
 
@@ -120,11 +120,11 @@ def test_machine_code_is_another_when_what_a_device_uses_changes_and_only_then(
 def test_what_a_device_computes_and_keeps_is_none_of_it(tmp_path):
     """Workers compare its content as it was registered."""
     file = tmp_path / "echo_pss.py"
-    kept = "_known = {}\n\n\ndef prepare(p):\n    _known[p.machine] = p\n    return p\n\n\n"
+    kept = "_known = {}\n\n\ndef prepare(p):\n    _known[p.other] = p\n    return p\n\n\n"
     file.write_text(ECHO.replace("@inline", kept + "@inline"))
     with registered(file) as (device,):
         before = devices.registered()[device.file]
-        device.prepare(device.Par(machine=7))
+        device.prepare(device.Par(other=7))
         assert devices.registered()[device.file] == before
     with registered(file) as (device,):
         assert devices.registered()[device.file] == before

@@ -18,7 +18,7 @@ class Par(NamedTuple):
     """Constants of one stabilizer."""
 
     bus: Annotated[int, "-", "bus whose voltage and frequency it reads (0: its own)", NOT_NEGATIVE]
-    machine: Annotated[int, "-", "machine whose speed it reads (0: its own)", NOT_NEGATIVE]
+    other: Annotated[int, "-", "machine whose speed it reads (0: its own)", NOT_NEGATIVE]
     Kv: Annotated[float, "pu", "gain on the voltage"] = 0.0
     Kf: Annotated[float, "pu", "gain on the frequency"] = 0.0
     Kw: Annotated[float, "pu", "gain on the difference of speeds"] = 0.0
@@ -39,7 +39,7 @@ class Input(NamedTuple):
     omega: Annotated[float, "pu", "own speed"]
     V: Annotated[float, "pu", "voltage of the bus", At("bus_voltage", "bus")]
     f: Annotated[float, "pu", "frequency of the bus", At("bus_frequency", "bus")]
-    far: Annotated[float, "pu", "speed of the machine", At("omega", "machine")]
+    far: Annotated[float, "pu", "speed of the machine", At("omega", "other")]
 
 
 class Output(NamedTuple):

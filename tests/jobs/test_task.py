@@ -69,7 +69,7 @@ def test_what_a_law_and_a_device_import_belongs_to_them(tmp_path, monkeypatch):
         for module in (law, helper, table):
             sys.modules.pop(module.stem, None)
         with registered(device):
-            case = st.load("two_area").with_device("pss_of_a_test", 1, bus=7, machine=2)
+            case = st.load("two_area").with_device("pss_of_a_test", 1, bus=7, other=2)
             imported = import_module(law.stem)
             table.write_text("TABLE = [3.0]")
             keys.append((text([imported.Own()]), fingerprint(case)))
