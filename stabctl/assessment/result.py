@@ -352,7 +352,7 @@ class Settings(NamedTuple):
     control: Control
     criteria: Criteria | None = None
     remedies: tuple[str, ...] = ()  # that are looked for
-    source: str = ""  # how its system is made in Python, if that is known
+    source: str = ""  # the line of Python that makes its operating point `base`, if that is known
 
 
 def cleared(m: Margin, case: Case) -> tuple[Contingency, float]:

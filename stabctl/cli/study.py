@@ -85,14 +85,15 @@ def study(
     chosen = screened(faults, contingencies, of_con, "lines, buses")
     shared.file(out, ".xlsx", ".csv")
     shared.folder(report)
-    loaded = case.load()
+    loaded, given = case.load(), source(case)
     point = storage.initialize(loaded)
     chosen_law, own = law.chosen(bool(point.case.storage), control, shared.controllers(controller))
     steering: Any = [*([chosen_law] if chosen_law else []), *own] or None
     pages: list[Path] = []
 
     def partly(found: "Study") -> None:
-        made = source(case).python + ".with_storage(...)" * (storage != groups.StorageOptions())
+        devices = ".with_storage(...)" * (storage != groups.StorageOptions())
+        made = f"{given.before}base = {given.python}{devices}.initialize()"
         pages.append(replace(found, how=found.how._replace(source=made)).report(report))
 
     with shared.progress("study", 1.0) as tell:

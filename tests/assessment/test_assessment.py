@@ -10,8 +10,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from systems import OWN, registered
 
 import stabctl as st
+from stabctl import io
 from stabctl._util.errors import StudyError
 from stabctl.assessment import study as study_function
 from stabctl.clearing import Severity
@@ -335,6 +337,19 @@ def test_the_lines_of_the_page_compute_its_numbers(stabctl, tmp_path):
     assert times == sorted(row["critical_cycles"] for row in record["contingencies"])
     assert found["last"].outcome.message == record["worst"][0]["message"]
     assert f"max_angle={float(np.deg2rad(120))!r}" in lines
+
+
+def test_the_lines_of_the_page_register_the_devices_of_the_user_first(stabctl, tmp_path):
+    words = "--faults", "lines", "--worst", 0, "--remedies", "none", "--clear", "3cyc", "--limit", "4cyc", "--scan", 0
+    with registered(OWN / "wide_area.py"):
+        io.write(st.load("two_area").with_device("wide_area", 1, bus=7, other=2), tmp_path / "own")
+    with registered():
+        stabctl("study", tmp_path / "own", "--device", OWN / "wide_area.py", *words, "--report", tmp_path)
+    (page,) = tmp_path.glob("*.html")
+    first = next(line for line in html.unescape(page.read_text("utf-8")).splitlines() if "base = " in line)
+    with registered():
+        exec(first[first.index("st.") :], {"st": st}, found := {})
+        assert [*found["base"].case.devices["wide_area"]] == [1]
 
 
 def test_a_clearing_time_beyond_the_search_is_no_verdict(base, stabctl):

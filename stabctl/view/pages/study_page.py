@@ -259,7 +259,8 @@ def _lines(study: Study) -> Iterator[Part]:
         "system, contingencies, storage, controls or criteria."
     )
     case, how, search = study.point.case, study.how, study.screen.search if study.screen else USUAL
-    known = how.source or (case.name in packaged() and load(case.name) == case and f"st.load({case.name!r})")
+    packed = case.name in packaged() and load(case.name) == case
+    known = f"base = st.load({case.name!r}).initialize()" if packed else "base = ..."
     faults = repr(how.faults) if isinstance(how.faults, str) else "..."
     for name, unit in SEARCH.items():
         if (value := getattr(search, name)) != getattr(USUAL, name):
@@ -271,7 +272,7 @@ def _lines(study: Study) -> Iterator[Part]:
     faults += rules + ", criteria=..." * bool(how.criteria)
     law = ", control=..." if how.control else ""
     every = [
-        f"base = {known}.initialize()" if known else "base = ...",
+        how.source or known,
         "base.power_flow(); base.case.check()",
         f"base.modes(({BAND[0]:g}, {BAND[1]:g}))",
         f"base.screen(faults={faults}{law})",
