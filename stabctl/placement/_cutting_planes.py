@@ -391,15 +391,17 @@ class CuttingPlanes:
     def _round(self) -> None:
         """Round the best fleet and its energies up to the digits that are printed; the fleet still survives.
 
-        So do slightly larger ones, if possible: at the very boundary survival depends on the rounding of a simulation.
+        So do slightly larger ones, if possible: at the very boundary survival depends on the rounding of a simulation,
+        and on whether there are further devices of 0 MW.
         """
         assert self.best is not None
         digits = decimals(self.trials.cap)
         fleets = [self.trials.fleet(up(self.master.built(more * self.best), digits)) for more in MORE]
         near = (mw for mw in fleets if mw.sum() <= LITTLE * self.best.sum())
-        firm = (mw for mw in near if all(self.trials.all_survived(more * mw) for more in FIRM))
-        found = next(chain(firm, filter(self.trials.all_survived, fleets)), self.best)
-        self.energy = up(energies(self.trials, found), digits + 2)
+        alone = self.trials.alone()
+        firm = (mw for mw in near if all(alone.all_survived(more * mw) for more in FIRM))
+        found = next(chain(firm, filter(alone.all_survived, fleets)), self.best)
+        self.energy = up(energies(alone, found), digits + 2)
         self.take(found, self.energy)
 
 

@@ -10,8 +10,11 @@ import numpy as np
 from stabctl.clearing import Search, Trial
 from stabctl.clearing.critical_time import last_stable
 from stabctl.clearing.trial import observed
+from stabctl.dynamics import operating_point
+from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.jobs import Found, Kind, Task
 from stabctl.jobs.task import Base, sha256, text
+from stabctl.model.fleet import extended
 from stabctl.simulation.attached import attached, resized
 from stabctl.simulation.contingency import Contingency, Disturbance
 from stabctl.simulation.control import Control, acting
@@ -23,7 +26,7 @@ from stabctl.simulation.trajectory import Trajectory
 from .contingencies import target_cycles, without_fault
 from .siting_rows import SAME
 
-FORMAT = 9
+FORMAT = 10
 GRID = 0.125  # cycles
 What = Literal["outcome", "peak", "energy", "currents", "critical time"]
 
@@ -34,6 +37,7 @@ class Simulated(NamedTuple):
     what: What
     contingency: Contingency
     ratings: tuple[float, ...]  # MW   of all devices, existing ones first
+    built: bool  # without the devices of 0 MW, as in the system that is built
     search: Search
     control: str  # as text, empty if the key says nothing
 
@@ -43,6 +47,7 @@ class Simulated(NamedTuple):
             "what": self.what,
             "contingency": text(self.contingency),
             "ratings": json.dumps(self.ratings),
+            "built": str(self.built),
             "search": text(self.search),
             "control": self.control,
         }
@@ -97,7 +102,7 @@ def simulate(one: Simulated, shared: Shared, record: Recorded) -> tuple[Trajecto
         system, last = asked.setup, asked.last_event(1)
         events: Disturbance = asked.events(1)
     else:
-        point, how = resized(shared.base.point, one.ratings), one.search
+        point, how = fleet_of(one, shared), one.search
         system = setup(point, shared.control, step=how.step, criterion=how.criterion)
         events, last = without_fault(one.contingency, point.case, shared.control)
     ran, judged = observed(system, events, last, one.search, True if one.search.criteria else record)
@@ -109,7 +114,20 @@ def trial(one: Simulated, shared: Shared, grid: float | None = None) -> Trial:
     target = target_cycles(one.contingency, shared.base.point.case) or 0.0
     limit = max(one.search.limit_cycles, 2 * target)
     search = replace(one.search, resolution_cycles=grid or target, limit_cycles=limit)
-    return Trial(resized(shared.base.point, one.ratings), one.contingency, shared.control, search)
+    return Trial(fleet_of(one, shared), one.contingency, shared.control, search)
+
+
+def fleet_of(one: Simulated, shared: Shared) -> OperatingPoint:
+    """The operating point with a fleet; with all devices if controllers may read or drive any of them."""
+    point, ratings = shared.base.point, np.array(one.ratings)
+    if one.built and not acting(shared.control).controllers:
+        rows = tuple(np.flatnonzero(ratings).tolist())
+        known = vars(point).setdefault("fleets", {})
+        if rows not in known:
+            case = extended(point.case, (point.case.storage[i] for i in rows))
+            known[rows] = operating_point.solve(case, point.flow)
+        point, ratings = known[rows], ratings[[*rows]]
+    return resized(point, ratings)
 
 
 def answer(task: Task) -> Found:
@@ -121,7 +139,11 @@ def answer(task: Task) -> Found:
         return _critical_time(one, shared, target)
     asked = VALUES.get(one.what, VALUES["outcome"])  # without a fault there is no critical time
     ran, kept = simulate(one, shared, asked.record)
-    return _found(kept, ran.outcome.machine, 1, ran.outcome.swings, values=json.dumps(asked.of(ran).tolist()))
+    values = asked.of(ran)
+    if asked.per_device and values.shape[-1] < len(one.ratings):
+        values, found = np.zeros((*values.shape[:-1], len(one.ratings))), values
+        values[..., np.flatnonzero(one.ratings)] = found
+    return _found(kept, ran.outcome.machine, 1, ran.outcome.swings, values=json.dumps(values.tolist()))
 
 
 def _peaks(ran: Trajectory) -> np.ndarray:
@@ -154,13 +176,14 @@ class Values(NamedTuple):
 
     of: Callable[[Trajectory], np.ndarray]
     record: Recorded
+    per_device: bool = False
 
 
 VALUES: dict[What, Values] = {
     "outcome": Values(lambda ran: ran.peak, False),
     "peak": Values(_peaks, "rotors"),
-    "energy": Values(lambda ran: np.ptp(ran.arrays.energy, axis=0), True),  # MWh
-    "currents": Values(_currents, True),
+    "energy": Values(lambda ran: np.ptp(ran.arrays.energy, axis=0), True, per_device=True),  # MWh
+    "currents": Values(_currents, True, per_device=True),
 }
 
 

@@ -249,7 +249,7 @@ def _searched(study: _Study, runner: Runner, progress: Callable[[int, float], No
 def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siting:
     """The result with its evidence, which is simulated here."""
     planes, best, even, case = found.planes, found.best, found.even, study.points[0].case
-    trials = found.trials.of(best)
+    trials = found.trials.of(best).alone()
     times = critical_times(trials, best)
     rows = table(trials, best, times, others, study.tolerance or USUAL)
     survived = _survived(trials, best, times)

@@ -31,11 +31,12 @@ T = TypeVar("T")
 
 
 class Question(NamedTuple):
-    """What has been simulated: a contingency, the number of the operating point, rounded ratings."""
+    """What has been simulated: a contingency, the number of the operating point, rounded ratings, in which system."""
 
     contingency: Contingency
     point: int
     ratings: bytes
+    built: bool
 
 
 class Trials:
@@ -83,7 +84,7 @@ class Trials:
         existing = self.point.case.storage[: len(self.point.case.storage) - len(cap)]
         self.existing = np.array([s.rating for s in existing])  # MW
         self.control: Control = control or BangBang()
-        self.search, self.progress = search, progress
+        self.search, self.progress, self.built = search, progress, False
         for point in self.points:
             attached(point, acting(self.control).controllers)  # once, for all fleets
         self._unit = np.where((cap > 0) & np.isfinite(cap), cap, 1.0)  # MW
@@ -144,7 +145,7 @@ class Trials:
         search = self.search
         if until is not None and until < search.observed_s:
             search = replace(search, observed_s=until, longest_s=0.0)
-        return Simulated(what, self.scenarios[k].contingency, ratings, search, "")
+        return Simulated(what, self.scenarios[k].contingency, ratings, self.built and 0.0 in ratings, search, "")
 
     def _shared(self, k: int, control: Control = None) -> Shared:
         return Shared(self._bases[self.scenarios[k].point], control or self.control)
@@ -182,7 +183,8 @@ class Trials:
         mw = self.fleet(mw)
         scale = np.concatenate([np.ones(len(self.existing)), self._unit])
         one = self.scenarios[k]
-        key = Question(one.contingency, one.point, np.round(self.ratings(mw, k) / scale, DIGITS).tobytes())
+        ratings = np.round(self.ratings(mw, k) / scale, DIGITS)
+        key = Question(one.contingency, one.point, ratings.tobytes(), self.built and 0.0 in ratings)
         with self._lock:
             new = key not in self._known
             answer = self._known.setdefault(key, Future())
@@ -255,6 +257,12 @@ class Trials:
         """The same without the outages of devices that a fleet (candidates, MW) does not have."""
         empty = {len(self.existing) + i for i in np.flatnonzero(mw == 0)}
         return self.only([k for k, one in enumerate(self.scenarios) if one.out not in empty])
+
+    def alone(self) -> "Trials":
+        """The same in the system that is built, without the devices of 0 MW."""
+        new = copy.copy(self)
+        new.built = True
+        return new
 
     def longer(self) -> "Trials":
         """The same with twice the observation window."""

@@ -215,7 +215,8 @@ def test_a_fleet_and_its_critical_time_are_judged_alike(tmp_path):
     search = Search(observed_s=3.0, longest_s=20.0, limit_cycles=10, criteria=rules)
     ratings = tuple(s.rating for s in point.case.storage)
     asked = [
-        Simulated(what, st.Contingency("7", clear="5cyc"), ratings, search, "") for what in ("outcome", "critical time")
+        Simulated(what, st.Contingency("7", clear="5cyc"), ratings, False, search, "")
+        for what in ("outcome", "critical time")
     ]
     found = [answer(task(one, Shared(Base(point), st.BangBang()), False)) for one in asked]
     assert [one.values["stable"] for one in found] == [0, 0]

@@ -74,6 +74,9 @@ class Curved:
     scenarios = (Scenario(Contingency("1")),)
     cap = np.array([50.0, 50.0])
 
+    def alone(self):
+        return self
+
     def fleet(self, mw):
         return np.minimum(mw, self.cap)
 
