@@ -4,10 +4,13 @@ import csv
 import json
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from stabctl.cli.design_tune import SHOWN, _show
 from stabctl.controllers import BangBang
 from stabctl.io import load, write
 from stabctl.simulation.contingency import Contingency
@@ -218,3 +221,17 @@ def test_below_lists_every_shorter_time_and_no_other(odd, screened, beyond):
     assert [(p.fault, p.trip, p.cycles, p.status) for p in found.pairs] == [
         (p.fault, p.trip, p.cycles, p.status) for p in shorter
     ]
+
+
+def test_the_networks_that_a_tuning_prints_are_those_with_the_least_damping_after_it(capsys):
+    rng = np.random.default_rng(4)
+    columns = {name: rng.uniform(0.01, 0.2, 10) for name in ("before", "after", "hz")}
+    worst = pd.DataFrame({"network": [*"abcdefghij"], **columns, "mode": "1-2"})
+    parameters = pd.DataFrame(columns=["device", "parameter", "value", "unit"])
+    _show(SimpleNamespace(worst=worst, parameters=parameters, robustness=()), [], as_json=False)
+    rows = [line.split("\t") for line in capsys.readouterr().out.splitlines() if line.count("\t") == 4][1:]
+    least = worst.sort_values("after").head(SHOWN)
+    assert [row[0] for row in rows] == least["network"].tolist()
+    assert least["before"].is_monotonic_increasing is False
+    assert [float(row[2]) for row in rows] == pytest.approx(least["after"].tolist(), abs=6e-5)
+    assert [float(row[1]) for row in rows] == pytest.approx(least["before"].tolist(), abs=6e-5)

@@ -11,7 +11,7 @@ import pytest
 
 import stabctl as st
 from stabctl._util.errors import CaseError
-from stabctl._util.wording import together
+from stabctl._util.wording import ALIKE, together
 from stabctl.cli import app
 from stabctl.cli.guide import GUIDES, PANEL
 from stabctl.cli.parameters import Command, Commands
@@ -115,7 +115,8 @@ def test_equal_sentences_are_one():
     assert found[1].startswith(alike[0])
     assert found[1].endswith(" Alike, 51 more: 1 91/1 0.25; 2 92/1 0.5; 3 93/1 0.75; 4 94/1 1.0; 5 95/1 1.25; "
                              "6 96/1 1.5; 7 97/1 1.75; 8 98/1 2.0; ...")  # fmt: skip
-    assert together(alike[:3]) == alike[:3]
+    assert together(alike[: ALIKE - 1]) == alike[: ALIKE - 1]
+    assert len(together(alike[:ALIKE])) == 1
 
 
 def test_many_zero_eigenvalues_are_one_line(stabctl, tmp_path):

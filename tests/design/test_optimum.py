@@ -158,6 +158,12 @@ def test_less_energy_gives_a_shorter_fault(longest):
 def test_the_figure_shows_swings_and_power(longest):
     figure = longest.plot()
     assert [ax.get_ylabel() for ax in figure.axes] == ["angle from COI (deg)", "storage power absorbed (MW)"]
+    assert longest.before > 0
+    schedule = longest.schedule
+    for ax in figure.axes:  # dashed where the law takes over
+        (dashed,) = (line for line in ax.lines if line.get_linestyle() == "--" and len(set(line.get_xdata())) == 1)
+        end = schedule.start + len(schedule.orders) / schedule.rate
+        assert dashed.get_xdata()[0] == pytest.approx(end, abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Tuning of all controllers at once: its derivatives, its plants and what it finds."""
 
+import sqlite3
+from contextlib import closing
 from dataclasses import replace
 
 import control
@@ -307,6 +309,9 @@ def test_an_interrupted_tuning_goes_on_where_it_was(cases, tuned, tmp_path, monk
     monkeypatch.setattr(Search, "run", lambda search, steps: rest.append(steps) or run(search, steps))
     assert call().parameters.equals(tuned.parameters)
     assert ran + rest == [8, 8, 10, 12, 12]
+    (store,) = tmp_path.glob("tuning*")
+    with closing(sqlite3.connect(store)) as base:  # two starts from the same parameters have rows of their own
+        assert base.execute("SELECT COUNT(*) FROM tuning").fetchone() == (5,)
     rest.clear()
     assert call().parameters.equals(tuned.parameters)
     assert rest == []

@@ -133,6 +133,14 @@ def test_a_shunt_that_draws_current_initially_is_refused_by_name(statcom):
         statcom.with_device("statcom", 8, K=0, T="20ms", offset=0.3).initialize()
 
 
+def test_a_store_that_draws_current_at_rest_is_refused_also_beside_loads(tmp_path):
+    with registered(written(tmp_path, "store", STORE.replace("p.G * u.order", "p.G * (u.order + 1.0)"))):
+        case = st.load("two_area").with_device("store", 2, G=0.5)
+        assert len(case.loads) == 2
+        with pytest.raises(EquilibriumError, match=r"STORE of machine 2 at bus 2 draws 0\.505 pu of current at the"):
+            case.initialize()
+
+
 def test_a_store_at_a_machine_draws_what_its_order_says(tmp_path):
     with registered(written(tmp_path, "store", STORE)):
         base = st.load("two_area").with_device("store", 1, G=0.5).initialize()

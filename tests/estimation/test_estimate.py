@@ -250,6 +250,22 @@ def test_a_control_that_is_none_is_told_when_it_is_made(given, says):
         EstimatorControl(**given)
 
 
+@pytest.mark.parametrize("name", ["kinematic", "kalman"])
+def test_filters_have_the_process_noise_of_their_control(study, name):
+    """With ten times the noise of the process, the data count for less and sigma is larger."""
+    point, events, cleared, _ = study("two_area")
+    usual = ProcessNoise()
+    loud = ProcessNoise(10 * usual.walk, 10 * usual.share, 10 * usual.jerk)
+    found = [
+        estimate(point, events, cleared + 0.5, control=EstimatorControl(estimator=name, process=p), seeds=1)
+        for p in (usual, loud, usual)
+    ]
+    sigmas = [np.median(one.sigma[len(one.sigma) // 2 :]) for one in found]
+    assert sigmas[1] > 1.5 * sigmas[0]
+    assert np.array_equal(found[0].estimated, found[2].estimated)
+    assert not np.array_equal(found[0].estimated, found[1].estimated)
+
+
 @pytest.mark.parametrize("wrong", [{"walk": "a"}, {"walk": float("nan")}, {"share": -0.1}])
 def test_process_noise_is_a_finite_number(wrong):
     with pytest.raises(StudyError, match="must be"):

@@ -151,6 +151,8 @@ def test_statements_change_matrices(written, changed, plain):
         ("load_con", "mac_con(9,16) = 1;\nload_con", "'mac_con(9,16)' is not an element of mac_con"),
         ("load_con", "ibus_con = zeros(3,1);\nload_con", "ibus_con has 3 elements; it needs one for each row"),
         ("load_con", "if 1 == 2\nload_con", "is not data but code"),
+        ("load_con", "mac_con(:,20) = bus(:,1)*2;\nload_con", "is not data but code"),
+        ("load_con", "mac_con(:,20) = line(:,1);\nload_con", "is not data but code"),
         ("load_con", "basmva = -100;\nload_con", "basmva = -100 is not allowed"),
     ],
 )

@@ -4,6 +4,7 @@ import pytest
 
 from stabctl import io
 from stabctl._util.errors import StabctlError, StudyError
+from stabctl.dynamics.operating_point import operating_point
 from stabctl.model import fleet, powerflow
 from stabctl.model.tables import Storage
 
@@ -48,6 +49,14 @@ def test_a_case_takes_every_way_to_ask_for_storage(paper):
     assert paper.with_storage(rows[0]).storage == rows[:1]
     assert paper.with_storage("50MW").storage == paper.with_storage(50).storage == fleet.everywhere(paper, "0.05GW")
     assert paper.with_storage("50MW").with_storage("none").storage == paper.with_storage(()).storage == ()
+
+
+@pytest.mark.parametrize("none", ["none", [], {}, ()])
+def test_a_point_takes_no_storage_in_every_way_that_a_case_does(paper, none):
+    point = paper.with_storage("50MW").initialize()
+    assert point.case.with_storage(none).storage == ()
+    assert operating_point(point, none).case.storage == ()
+    assert operating_point(point).case.storage == point.case.storage
 
 
 def test_options_are_columns_of_every_device(paper):

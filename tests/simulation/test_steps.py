@@ -195,5 +195,16 @@ class TestLength:
             run(two_area, None, 100.0)
         assert run(two_area, None, 0.1, record=False).outcome.stable
 
+    def test_the_size_of_a_record_is_that_of_its_numbers(self, two_area, monkeypatch):
+        """Half of the memory holds it exactly, and a byte less does not."""
+        made = run(two_area, None, 3.0, step=0.01)
+        width, length = made.rows.shape[1], 300 * 0.01
+        size = 300 * width * made.rows.itemsize
+        monkeypatch.setattr(steps, "memory", lambda: 2 * size * (1 + 1e-12))
+        steps.affordable(two_area, 0.01, length, width)
+        monkeypatch.setattr(steps, "memory", lambda: 2 * size - 2)
+        with pytest.raises(StudyError, match=rf"takes {size / 1e9:.3g} GB".replace(".", r"\.")):
+            steps.affordable(two_area, 0.01, length, width)
+
     def test_the_memory_is_known(self):
         assert 1e8 < steps.memory() < 1e15

@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from stabctl.smallsignal.opened_loop import Nonlinearity
+from stabctl.smallsignal.opened_loop import Nonlinearity, alone
 
 SHAPES = {
     "deadband": Nonlinearity(0.2, np.inf, False),
@@ -70,3 +70,15 @@ def test_of_narrow_pulses_all_harmonics_are_equal(above):
     """Just above a deadband; at 1e-9 they are narrower than a sample."""
     for shape in (Nonlinearity(0.2, 0.5, True), Nonlinearity(0.2, np.inf, False)):
         assert shape.third(0.2 * (1 + above)) == pytest.approx(1, rel=2e-3)  # 5e-4
+
+
+def test_an_output_beside_others_of_unequal_gains_is_what_the_determinants_say():
+    """1 - n_r alone_r = det(1 - G N) / det(1 - G_oo N_o), o the others, by the Schur complement."""
+    rng = np.random.default_rng(7)
+    G = rng.normal(size=(5, 4, 4)) + 1j * rng.normal(size=(5, 4, 4))
+    gains = np.array([0.3, -0.7, 1.9, 0.11])
+    whole = np.eye(4) - G * gains
+    for r in range(4):
+        rest = np.delete(np.arange(4), r)
+        ratio = np.linalg.det(whole) / np.linalg.det(whole[:, rest][:, :, rest])
+        assert np.abs(1 - gains[r] * alone(G, gains, r) - ratio).max() < 1e-12
