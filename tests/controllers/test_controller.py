@@ -45,6 +45,21 @@ def test_a_deadband_is_subtracted(base, rate):
     assert np.abs(order(run) - beyond).max() < 1e-6 + 1.5 * moved < dead
 
 
+@pytest.mark.parametrize("rate", [None, 60])
+def test_every_input_has_its_own_gain_to_every_output(base, rate):
+    """Of three inputs and two outputs; with frames, an order is that of the signals at one of the frames around it."""
+    D = np.array([[40.0, -7.0, 3.0], [11.0, 25.0, -19.0]])
+    reads, drives = ("speed:1", "speed:2", "speed:4"), ("order:1@5", "order:4@10")
+    one = st.Controller.from_control(control.ss([], [], [], D), reads, drives, rate=rate)
+    run = base.simulate(STEP, "2s", control=one)
+    slips = run.speed.values[:, [0, 1, 3]] - 1
+    orders = run.arrays.order[:, [0, 3]]
+    wanted = slips @ D.T
+    moved = np.abs(np.gradient(wanted, run.time, axis=0)).max() / rate if rate else 0.0
+    assert np.abs(wanted).max() > 0.005
+    assert np.abs(orders - wanted).max() < 1e-6 + 1.5 * moved
+
+
 def test_a_gain_at_frames_is_the_python_function(base):
     """Matrices and Python function give the same orders, as far as the voltages are iterated (1e-7 pu)."""
     gain = control.ss([], [], [], [[300.0]])

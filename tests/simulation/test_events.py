@@ -356,3 +356,13 @@ def test_a_fault_on_a_circuit_is_on_until_both_its_ends_are_open(fault_at, from_
 def test_without_a_fault_no_fault_is_on():
     assert not Switching().faulted
     assert not Switching(shunts=((0, 1j),), loads=((0, 1 + 0j),), tripped=frozenset({0})).faulted
+
+
+def test_the_network_changes_once_at_each_instant_and_is_intact_before_the_first(two_area):
+    case = two_area.case
+    found = timeline(case, [Open("7-8", 0.0), Open("8-9", 1.0), LoadStep(9, 1.0, 5.0)])
+    assert [change.at for change in found] == [0.0, 0.0, 1.0]
+    assert found[0].switching == timeline(case, [])[0].switching != found[1].switching
+    assert (
+        found[2].switching == timeline(case, [LoadStep(9, 0.2, 5.0), Open("8-9", 0.3), Open("7-8", 0.4)])[-1].switching
+    )
