@@ -77,7 +77,7 @@ def test_records(call, says):
         (lambda b: st.design.tune(b, levels=None), "levels = None is not allowed; give a list"),
         (lambda b: st.design.tune(b, seed="x"), "seed = 'x' is not allowed; give a whole number"),
         (lambda b: st.design.pod(b, "speed:1", "vref:1", washout=1e308), "washout = 1e\\+308 is not allowed"),
-        (lambda b: b.study(clear=1e308), "cycles is not possible; give a time from 0 to 1e6cyc"),
+        (lambda b: b.study(clear=1e308), "cycles is not possible; give a time above 0 and below 1e6cyc"),
         (lambda b: b.study(clear="6cyc", worst=True), "worst = True is not allowed; give a whole number"),
         (lambda b: b.place(["7-8@0.4"], candidates=3), "candidates = 3 is not allowed"),
         (lambda b: b.modes().label(99), "There is no mode 99"),

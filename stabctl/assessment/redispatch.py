@@ -9,6 +9,7 @@ margins; here it is found by bisection on simulations, which need no margin.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -115,19 +116,19 @@ def redispatch(
                 f"Less power at {who} is not enough, up to {most.mw:.4g} MW, beyond which they produce no power, the "
                 "ratings of the others are exceeded, or there is no operating point."
             )
-        gone = [not survived(most, one) for one in left]
-        hopeless = any(lost and not one.stable for one, lost in zip(left, gone, strict=True))
-        left = [one for one, lost in zip(left, gone, strict=True) if not lost or (one.stable and hopeless)]
+        gone = [k for k, one in enumerate(left) if not survived(most, one)]
+        unstable = [k for k in gone if not left[k].stable]
+        shifts = [room.shift([n] * len(room.power)) for n in _tried(room.last)[:-1]] if unstable else []
+        hopeless = [k for k in unstable if not any(survived(shift, left[k]) for shift in shifts)]
+        left = [one for k, one in enumerate(left) if k not in (hopeless or unstable or gone)]
     raise StudyError(said)
 
 
 def _smallest(room: "_Room", enough: Callable[[Shift | None], bool]) -> list[int] | None:
     """The steps of every group: the fewest that are enough for all alike, then for each; None if none are."""
-    groups = len(room.power)
-    low, high = 0, 1
-    while high <= room.last and not enough(room.shift([high] * groups)):
-        low, high = high, max(min(2 * high, room.last), high + 1)
-    if high > room.last:
+    groups, tried = len(room.power), _tried(room.last)
+    low, high = next((ends for ends in pairwise([0, *tried]) if enough(room.shift([ends[1]] * groups))), (0, 0))
+    if not high:
         return None
     steps = [_first(low, high, lambda n: enough(room.shift([n] * groups)))] * groups
     for g in range(groups if groups > 1 else 0):
@@ -137,6 +138,11 @@ def _smallest(room: "_Room", enough: Callable[[Shift | None], bool]) -> list[int
 
         steps[g] = _first(-1, steps[g], alone)
     return steps
+
+
+def _tried(last: int) -> list[int]:
+    """The steps that are tried before bisection: doubled each time, up to the last."""
+    return [*(2**k for k in range(last.bit_length()) if 2**k < last), *[last] * bool(last)]
 
 
 def _first(low: int, high: int, holds: Callable[[int], bool]) -> int:

@@ -54,7 +54,8 @@ def kinds(text: str) -> tuple[str, ...]:
     words = [] if given == ["none"] else [*KINDS] if given == ["all"] else given
     for word in words:
         if word not in KINDS:
-            raise StudyError(f"{shown(word)} is not a remedy; choose from {', '.join(KINDS)}, or all, or none.")
+            what = "goes with no other word" if word in ("all", "none") else "is not a remedy"
+            raise StudyError(f"{shown(word)} {what}; choose from {', '.join(KINDS)}, or write all or none alone.")
     return tuple(dict.fromkeys(words))
 
 
@@ -77,19 +78,30 @@ def remedy(kind: str, asked: Asked) -> Remedy:
     if best is None:
         return Remedy(kind, before, prices=asked.prices, remark=why)
     change, after = best
-    if why:
-        why = f"For what is lost then, too, nothing was found: {why}"
-    unsolved = f"Nothing was found for {listed(change.unsolved)}." if change.unsolved else ""
-    unjudged = "Oscillations are not judged." if after.no_modes else ""
-    return Remedy(kind, before, state(after), change, asked.prices, why or unsolved or unjudged)
+    return Remedy(kind, before, state(after), change, asked.prices, _remark(change, after, why))
+
+
+def _remark(change: Change, after: Study, why: str) -> str:
+    """What a study finds wrong with a change, in sentences; `why` nothing was found for what is lost, too."""
+    lost = dict.fromkeys(m.found.contingency.label for m in after.insecure)
+    unsolved, others = ([one for one in lost if (one in change.unsolved) == of] for of in (True, False))
+    said = (
+        f"Nothing was found for {listed(unsolved)}." if unsolved else "",
+        f"Lost with it: {listed(others)}." if others else "",
+        f"For what is lost then, too, nothing was found: {why}" if why else "",
+        "" if all(one.kept for one in after.judged) else after.compliance,
+        "Oscillations are not judged." if after.no_modes else "",
+    )
+    return " ".join(filter(None, said))
 
 
 def state(study: Study) -> State:
     """What a study says of its system."""
     worst = study.oscillations[:1]
     damping = float(study.modes.damping_ratio[worst[0]]) if study.modes and worst else None
-    margin = min((m.cycles for m in study.margins), default=None)
-    numbers = len(study.margins), len(study.insecure), margin, damping, len(study.low_or_high)
+    margin, cycles = (study.margins[0].shown, study.margins[0].known_cycles) if study.margins else ("", None)
+    violating = sum(not one.kept for one in study.judged) if study.judged else None
+    numbers = len(study.margins), len(study.insecure), margin, cycles, damping, violating, len(study.low_or_high)
     return State(study.secure, *numbers)
 
 
@@ -115,8 +127,7 @@ def _required(m: Margin, wanted: Sequence[Contingency]) -> Contingency:
     If that is already wanted, stability is not monotone, and a shorter fault is lost: the shortest one found.
     """
     found, search = m.found, m.found.search
-    least = found.reach_cycles - m.cycles
-    point = math.ceil(least / search.resolution_cycles - 1e-6) * search.resolution_cycles
+    point = math.ceil(m.required / search.resolution_cycles - 1e-6) * search.resolution_cycles
     one = found.contingency.with_clear(f"{point!r}cyc")
     if one in wanted and found.lowest_unstable:
         return found.contingency.with_clear(f"{found.lowest_unstable!r}cyc")

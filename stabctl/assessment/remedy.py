@@ -20,8 +20,10 @@ class State(NamedTuple):
     secure: bool
     contingencies: int
     lost: int  # contingencies that are not survived
-    margin_cycles: float | None  # the smallest; None without contingencies
+    margin: str  # the smallest (cycles): `+3`, `+2 or more`; empty without contingencies
+    margin_cycles: float | None  # the same as a number; None if it is a bound
     damping_ratio: float | None  # the least of the oscillations that are judged; None without one
+    violating: int | None  # of the contingencies simulated, those that violate the criteria; None if none is judged
     voltages: int  # buses outside the normal range
 
 
@@ -100,17 +102,20 @@ class Remedy:
         return "The system is secure with it." if self.solves else f"It is not enough. {self.remark}".strip()
 
     def rows(self) -> list[tuple[str, str]]:
-        """What changes, in words: contingencies not survived, smallest margin (cycles), least damping ratio, voltages.
+        """What changes, in words: contingencies not survived, smallest margin, damping ratio, violations, voltages.
 
         Each is a name with `before to after`, or the value that stays the same; one that is not known is a dash.
         """
         states = [self.before, *([self.after] if self.after else [])]
         named = {
             "contingencies not survived": [f"{s.lost}" for s in states],
-            "smallest margin (cycles)": [_or_dash(s.margin_cycles, "g") for s in states],
+            "smallest margin (cycles)": [s.margin or "-" for s in states],
             "least damping ratio": [_or_dash(s.damping_ratio, ".4f") for s in states],
+            "contingencies that violate criteria": [_or_dash(s.violating, "d") for s in states],
             "voltages outside": [f"{s.voltages}" for s in states],
         }
+        if self.before.violating is None:
+            del named["contingencies that violate criteria"]
         return [(name, " to ".join(dict.fromkeys(values))) for name, values in named.items()]
 
     def __str__(self) -> str:

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 BAND = 0.1, 3.0  # Hz   of the modes that are judged
 NORMAL = 0.95, 1.05  # pu   voltages in normal operation
 SHEET = ".xlsx"
+BOUND = {"unstable_at_zero": " or less", "found": "", "stable_at_limit": " or more"}  # of a margin
 
 
 class Wanted(NamedTuple):
@@ -52,13 +53,23 @@ class Margin(NamedTuple):
     """A contingency with its critical clearing time."""
 
     found: ClearingTime
-    cycles: float  # beyond the required clearing time; negative: not survived
+    cycles: float  # beyond the required clearing time; negative: not survived; a bound where no time is critical
     required: float  # cycles   clearing time of the contingency itself, or else that which protection guarantees
 
     @property
     def secure(self) -> bool:
         """Whether it is survived."""
         return self.cycles >= 0 and self.found.status != "unstable_at_zero"
+
+    @property
+    def known_cycles(self) -> float | None:
+        """The cycles; None if they are a bound."""
+        return self.cycles if self.found.status == "found" else None
+
+    @property
+    def shown(self) -> str:
+        """The cycles as text: `+3`, `+2 or more` at the limit of the search, `-6 or less` if no time is survived."""
+        return f"{self.cycles:+g}{BOUND[self.found.status]}"
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -122,12 +133,19 @@ class Study(Tabular):
         """The contingencies, the smallest margin first."""
         pairs = self.screen.pairs if self.screen else ()
         found = [Margin(p, p.reach_cycles - (need := self._required(p)), need) for p in pairs]
-        return tuple(sorted(found, key=lambda m: (m.cycles, m.secure)))
+        return tuple(sorted(found, key=lambda m: (m.cycles, [*BOUND].index(m.found.status))))
 
     def _required(self, found: ClearingTime) -> float:
         """Clearing time, cycles, of a contingency itself, or else that which protection guarantees."""
         own = found.contingency.clear
         return self.wanted.cycles if own is None else cycles(own, self.point.case.frequency_hz)
+
+    @property
+    def guaranteed(self) -> str:
+        """The clearing time that contingencies must survive, in words: `6 cycles`, `6 cycles, or their own`."""
+        own = [m.required != self.wanted.cycles for m in self.margins]
+        theirs, time = "its own" if len(own) == 1 else "their own", _cycles(self.wanted.cycles)
+        return theirs if own and all(own) else f"{time}, or {theirs}" if any(own) else time
 
     @property
     def insecure(self) -> tuple[Margin, ...]:
@@ -202,6 +220,16 @@ class Study(Tabular):
         return tuple(judge(run, self.how.criteria) for run in self.worst) if self.how.criteria else ()
 
     @property
+    def compliance(self) -> str:
+        """How the worst contingencies keep the criteria, in a sentence; empty if none is judged."""
+        if not self.judged:
+            return ""
+        wrong = sum(not one.kept for one in self.judged)
+        told = next((str(v) for one in self.judged for v in (*one.violations, one.unstable) if v), "")
+        of = f"{self.judged[0].title}, by the {counted(len(self.judged), 'contingency')} simulated"
+        return f"{of}: {f'violated by {wrong}; the first, {told}' if wrong else 'kept.'}"
+
+    @property
     def complete(self) -> bool:
         """Whether every part is done, and every contingency screened."""
         known = self.modes is not None or bool(self.no_modes)
@@ -219,16 +247,19 @@ class Study(Tabular):
 
     @property
     def df(self) -> "pd.DataFrame":
-        """A row for every contingency: fault, trip, required, critical and margin in cycles, what limits it."""
+        """A row for every contingency: fault, trip, required, critical and margin in cycles, status, what limits it.
+
+        Without a critical clearing time there are neither critical cycles nor a margin, and `status` says why.
+        """
         import pandas as pd
 
         rows = [
             (m.found.contingency.name or "", m.found.fault, ", ".join(m.found.trip), m.required)
-            + (m.found.reach_cycles, m.cycles, m.found.limit)
+            + (m.found.cycles, m.known_cycles, m.found.status, m.found.limit)
             for m in self.margins
         ]
-        names = "name", "fault", "trip", "required_cycles", "critical_cycles", "margin_cycles", "limited_by"
-        return pd.DataFrame(rows, columns=names)
+        names = "name", "fault", "trip", "required_cycles", "critical_cycles", "margin_cycles", "status", "limited_by"
+        return pd.DataFrame(rows, columns=names).astype({"critical_cycles": float, "margin_cycles": float})
 
     def tables(self) -> "dict[str, pd.DataFrame]":
         """Every table of the study, by name.
@@ -292,7 +323,6 @@ class Study(Tabular):
         if self.screen is not None:
             number, lost = counted(len(self.screen.pairs), "contingency"), self.insecure
             number += "" if self.complete else f" screened so far ({self.screen.screened} in all)"
-            own = ", or their own" * any(m.required != wanted.cycles for m in self.margins)
             if lost:
                 first, be = lost[0].found, "is" if len(lost) == 1 else "are"
                 when = f"critical after {_cycles(first.reach_cycles)}"
@@ -302,14 +332,16 @@ class Study(Tabular):
                     when += f" (only multiples of {_cycles(grid)} were tried)"
                 said.append(
                     f"{case}: {len(lost)} of {number} {be} lost with a clearing time of at most "
-                    f"{_cycles(wanted.cycles)}{own}. The worst is {first.contingency.label}, {when}, limited by "
+                    f"{self.guaranteed}. The worst is {first.contingency.label}, {when}, limited by "
                     f"{first.limit}."
                 )
             else:
-                margin = min((m.cycles for m in self.margins), default=None)
-                least = f"; the smallest margin is {_cycles(margin)}" if margin is not None else ""
-                time = f"a clearing time of {_cycles(wanted.cycles)}{own}"
-                said.append(f"{case}: {number} survived with {time}, none lost{least}.")
+                least = ""
+                if self.margins:
+                    smallest = self.margins[0]
+                    bound = "at least " if smallest.known_cycles is None else ""
+                    least = f"; the smallest margin is {bound}{_cycles(smallest.cycles)}"
+                said.append(f"{case}: {number} survived with a clearing time of {self.guaranteed}, none lost{least}.")
         if self.modes is not None:
             if few := self.poorly_damped:
                 said.append(
@@ -324,11 +356,7 @@ class Study(Tabular):
                 )
         if self.no_modes:
             said.append(f"Oscillations are not judged, so the system does not count as secure: {self.no_modes}")
-        if self.judged:
-            wrong = sum(not one.kept for one in self.judged)
-            told = next((str(v) for one in self.judged for v in (*one.violations, one.unstable) if v), "")
-            of = f"{self.judged[0].title}, by the {len(self.judged)} contingencies simulated"
-            said.append(f"{of}: {f'violated by {wrong}; the first, {told}' if wrong else 'kept.'}")
+        said += [self.compliance] * bool(self.judged)
         low, high = wanted.voltages
         outside = ", ".join(f"bus {bus} {size:.4f} pu" for bus, size in self.low_or_high[:5])
         more = f" and {len(self.low_or_high) - 5} more" if len(self.low_or_high) > 5 else ""

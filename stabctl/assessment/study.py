@@ -135,7 +135,7 @@ def study(
     for possible, what in (
         (
             0 < wanted.cycles < 1e6,
-            f"clear = {wanted.cycles:g} cycles is not possible; give a time from 0 to 1e6cyc",
+            f"clear = {wanted.cycles:g} cycles is not possible; give a time above 0 and below 1e6cyc",
         ),
         (0 <= wanted.damping < 1, f"damping = {wanted.damping:g} is no damping ratio; give one from 0 to 1"),
         (voltages[0] < voltages[1], f"voltages = {voltages} is no range; give the lower one first"),

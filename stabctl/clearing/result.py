@@ -103,6 +103,11 @@ class ClearingTime(Tabular):
         return f"{self.reach_cycles:g}" + " or more" * (self.status == "stable_at_limit")
 
     @property
+    def cell(self) -> str:
+        """The cycles in a table: as `shown`, or `unstable at any` if there are none."""
+        return "unstable at any" if self.status == "unstable_at_zero" else self.shown
+
+    @property
     def lowest_unstable(self) -> float | None:
         """Lowest unstable clearing time found, cycles; None if every one tried was stable."""
         return min((r.cycles for r in self.runs if not r.stable), default=None)

@@ -232,8 +232,7 @@ def _show_screen(found: "Screen", as_json: bool) -> None:
     if named:
         table.add_column("contingency")
     for p in found.pairs:
-        cycles = "unstable at any" if p.status == "unstable_at_zero" else p.shown
-        table.add_row(p.fault, ", ".join(p.trip), cycles, p.limit, *[p.contingency.name or ""] * named)
+        table.add_row(p.fault, ", ".join(p.trip), p.cell, p.limit, *[p.contingency.name or ""] * named)
     if found.pairs:
         shared.console().print(table)
     for sentence in found.remarks():

@@ -143,7 +143,7 @@ def _show(found: "Study", as_json: bool) -> None:
         table.columns.pop()
     for m in found.margins[: len(found.worst)]:
         p = m.found
-        cells = p.fault, ", ".join(p.trip), p.shown, f"{m.cycles:+g}", p.limit
+        cells = p.fault, ", ".join(p.trip), p.cell, m.shown, p.limit
         table.add_row(*cells, *[p.contingency.name or ""] * named)
     if found.worst:
         shared.console().print(table)

@@ -250,8 +250,9 @@ class _Seen:
         short = end.time_s - self.run.happened.changes[-1].at < (SPAN if last else LEAST) - SLACK
         doubtful = last is None or (rule.must == "decay" and not last.decaying)
         if last and (last.growing or (doubtful and not short)):
-            since, size = end.time_s - last.half_s, float(np.rad2deg(last.last))
-            yield Violation(rule.name, f"machine {last.machine}", since, size, "degrees", f"swings must {rule.must}")
+            machine, size = (last.widest, last.largest) if last.growing else (last.machine, last.last)
+            since, limit = end.time_s - last.half_s, f"swings must {rule.must}"
+            yield Violation(rule.name, f"machine {machine}", since, float(np.rad2deg(size)), "degrees", limit)
         elif doubtful and end.stable:
             when = f"{SPAN:g} s after the last event, but the run ends at {end.time_s:.3f} s; simulate longer"
             where = "only where machines swing against each other, and with a criterion whose decay is above 0"

@@ -31,8 +31,9 @@ class Swings(NamedTuple):
     machine: int | str  # whose swings decay least, of those judged
     last: float  # rad   its swing in the last half
     before: float  # rad   and in the half before
-    largest: float  # rad   largest swing of any machine in the last half
-    largest_before: float  # rad   and in the half before
+    widest: int | str  # machine of the largest swing in the last half
+    largest: float  # rad   this swing
+    largest_before: float  # rad   largest swing of any machine in the half before
     half_s: float  # s   length of a half
     limit: float  # ratio of the two swings of a machine below which they decay
 
@@ -121,8 +122,8 @@ def judged(
     last, before = (half.max(axis=0) - half.min(axis=0) for half in (moved[middle:], moved[: middle + 1]))
     ratio = np.where(last >= SHARE * last.max(), last / np.maximum(before, 1e-12), 0.0)
     one = int(ratio.argmax())
-    of_one = float(last[one]), float(before[one])
-    return Swings(names[on[one]], *of_one, float(last.max()), float(before.max()), half_s, limit)
+    of_one, of_all = (float(last[one]), float(before[one])), (float(last.max()), float(before.max()))
+    return Swings(names[on[one]], *of_one, names[on[int(last.argmax())]], *of_all, half_s, limit)
 
 
 def group(moved: np.ndarray, lost: int, together: np.ndarray) -> np.ndarray:

@@ -25,6 +25,7 @@ from .job import Job, JobKind, changed, columns
 MOST = 1_000_000  # jobs of a study, and numbers of a grid
 NEEDED: dict[JobKind, tuple[str, ...]] = {"clearing-time": ("case", "fault"), "simulate": ("case", "clear")}
 STRICT = ConfigDict(extra="forbid", strict=True)
+OF_CASE = {"s": "cyc", "pu": "Hz"}  # unit of a key -> one that the frequency of the case converts to it
 SHOWN = "a grid has from, to, and either count (at least 2) or step, and text for keys that are text"
 
 
@@ -114,6 +115,10 @@ def _converted(f: schema.Field, value: object) -> object:
         try:
             return units.quantity(value, f.unit, bare=False)
         except StudyError:
+            other = OF_CASE.get(f.unit)
+            if other and other.lower() in value.lower():
+                what = f"a value in {other} depends on the frequency of the case, and a study may have several cases"
+                raise _wrong(f"{what}; write it in {f.unit}") from None
             return value
     return value
 

@@ -4,6 +4,7 @@ import html
 import json
 import re
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -113,12 +114,42 @@ def test_the_page_and_the_workbook_have_the_numbers(study, tmp_path):
     assert "not secure" in page
     assert page.count('<tr class="unstable">') == len(study.insecure) + len(study.poorly_damped)
     for m in study.margins:
-        assert f"<td>{m.cycles:+g}</td>" in page
+        assert f"<td>{m.shown}</td>" in page
     book = openpyxl.load_workbook(study.save(tmp_path / "all.xlsx"))
     assert book.sheetnames == list(study.tables())
     rows = list(book["contingencies"].values)
     assert list(rows[0]) == list(study.df.columns)
-    assert [row[5] for row in rows[1:]] == [m.cycles for m in study.margins]
+    assert [row[5] for row in rows[1:]] == [m.known_cycles for m in study.margins]
+
+
+def test_without_a_critical_time_there_is_no_margin_in_the_tables(base, study):
+    """At the limit of the search it is at least what is shown; a higher limit finds one that is not less."""
+    both = study.df.merge(study.screen.df, on=["fault", "trip"], suffixes=("", "_screen"))
+    assert both["critical_cycles"].equals(both["cycles"])
+    assert both["status"].equals(both["status_screen"])
+    assert (both["margin_cycles"].isna() == (both["status"] != "found")).all()
+    low = base.study("6cyc", faults="lines", worst=0, remedies="none", **QUICK | {"limit": "8cyc"})
+    high = base.study("6cyc", faults="lines", worst=0, remedies="none", **QUICK)
+    assert {m.shown for m in low.margins} == {"+2 or more"}
+    assert low.margins[0].cycles <= high.margins[0].cycles == high.margins[0].known_cycles == 3
+    assert "the smallest margin is at least 2 cycles." in str(low)
+    assert "the smallest margin is 3 cycles." in str(high)
+    assert next(number for number, _ in study_page._numbers(low)) == "+2 or more"
+
+
+def test_the_page_says_the_clearing_times_that_the_sentences_say(base):
+    own = st.Contingency("7", trip="7-8", clear="5cyc")
+    for given, said in (
+        ([own], "a clearing time of its own"),
+        ([own, "8"], "a clearing time of 14 cycles, or their own"),
+        (["8"], "a clearing time of 14 cycles"),
+    ):
+        found = base.study("14cyc", faults=given, **ALONE, **QUICK)
+        page = study_page.page(found)
+        assert page.numbers[0] == ("secure", f"with {said}")
+        assert (f"0 of {len(given)}", f"contingencies lost with {said.replace('of', 'of at most')}") in page.numbers
+        assert f"survived with {said}, none lost" in str(found)
+        assert f"Simulated with {said}." in page.html()
 
 
 def test_text_of_a_case_is_no_formula_in_a_workbook(study, tmp_path):
@@ -164,7 +195,7 @@ def test_faults_that_cannot_be_are_told(base, given, said):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"clear": 0}, "clear = 0 cycles is not possible"),
+        ({"clear": 0}, "clear = 0 cycles is not possible; give a time above 0 and below 1e6cyc"),
         ({"damping": 1.5}, "damping = 1.5 is no damping ratio"),
         ({"voltages": (1.1, 0.9)}, r"voltages = \(1.1, 0.9\) is no range"),
         ({"worst": -1}, "worst = -1 runs are not possible"),
@@ -332,9 +363,9 @@ def test_the_lines_of_the_page_compute_its_numbers(stabctl, tmp_path):
     for line in lines.strip().splitlines():
         exec(line if line.startswith("base = ") else f"last = {line.split('; ')[0]}", {"st": st}, found)
         if "base.screen" in line:
-            times = sorted(p.reach_cycles for p in found["last"].pairs)
+            times = Counter(p.cycles for p in found["last"].pairs)
     record = json.loads(out)
-    assert times == sorted(row["critical_cycles"] for row in record["contingencies"])
+    assert times == Counter(row["critical_cycles"] for row in record["contingencies"])
     assert found["last"].outcome.message == record["worst"][0]["message"]
     assert f"max_angle={float(np.deg2rad(120))!r}" in lines
 
@@ -386,6 +417,8 @@ def test_what_is_lost_even_if_cleared_at_once_is_not_survived():
     assert not study.worst[0].outcome.stable
     assert not study.secure
     assert "lost even if cleared at once, limited by" in str(study)
+    assert [m.shown for m in study.margins[:2]] == ["+0 or less"] * 2
+    assert study.df["critical_cycles"].isna().tolist()[:2] == [True, True]
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,9 @@
 """What would help: every number is that of the single study of the changed case; a smaller change is not enough."""
 
 import json
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +12,9 @@ import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.assessment import remedies
 from stabctl.assessment.redispatch import STEP, redispatch
+from stabctl.assessment.remedy import Remedy
+from stabctl.clearing.trial import Search, Trial
+from stabctl.judgment import criteria
 from stabctl.view.pages import study_page
 
 QUICK = {"resolution": "0.5cyc", "observe": "3s", "longest": "0s", "scan": "0s", "limit": "20cyc"}
@@ -218,7 +224,7 @@ def test_the_page_and_the_workbook_have_them(study, tmp_path):
     for r in study.remedies:
         assert r.change.words in page
         assert r.price in page
-        assert f"<td>{r.before.margin_cycles:g} to {r.after.margin_cycles:g}</td>" in page
+        assert f"<td>{r.before.margin} to {r.after.margin}</td>" in page
     book = openpyxl.load_workbook(study.save(tmp_path / "all.xlsx"))
     head, *rows = book["remedies"].values
     assert [dict(zip(head, row, strict=True))["cost"] for row in rows] == pytest.approx(
@@ -265,12 +271,47 @@ def test_prices_that_cannot_be_are_told(base, tmp_path, content, said):
     ("given", "said"),
     [
         ({"remedies": "prayer"}, "'prayer' is not a remedy; choose from stabilizers, storage, redispatch"),
+        ({"remedies": "all, none"}, "'all' goes with no other word; .* or write all or none alone"),
         ({"prices": st.Prices(), "remedies": "none"}, "Prices are those of remedies"),
     ],
 )
 def test_what_cannot_be_asked_for_is_told(base, given, said):
     with pytest.raises(StudyError, match=said):
         base.study(**ASKED, **given)
+
+
+def test_a_change_that_is_not_enough_says_why(base, study, tmp_path):
+    """Contingencies lost with it, those for which it was not made, and the first violation of the criteria."""
+    change = study.remedies[0].change
+    assert remedies._remark(change, study, "") == "Lost with it: 7 trip 7-8."
+    given_up = change._replace(unsolved=("7 trip 7-8", "9 trip 8-9"))  # of which only the first is lost
+    assert remedies._remark(given_up, study, "") == "Nothing was found for 7 trip 7-8."
+    rule = 'title = "ours"\n[[voltage]]\nname = "dip"\nbelow = 0.99\nlongest = "1cyc"\nsince = "start"\n'
+    (tmp_path / "dip.toml").write_text(rule)
+    secure = base.study("6cyc", faults="lines", worst=1, remedies="none", **QUICK)
+    after = replace(secure, how=secure.how._replace(criteria=criteria(tmp_path / "dip.toml")))
+    assert (secure.secure, after.secure) == (True, False)
+    found = Remedy("storage", remedies.state(after), remedies.state(after), change, remark=after.compliance)
+    assert remedies._remark(change, secure, "") == ""
+    assert remedies._remark(change, after, "") == after.compliance
+    assert "by the 1 contingency simulated: violated by 1; the first, dip: bus" in str(found)
+    assert "contingencies that violate criteria 1. It is not enough." in str(found)
+    assert "violate" not in str(study.remedies[0])
+
+
+def test_a_contingency_is_given_up_only_if_no_shift_tried_survives_it(base, monkeypatch):
+    """Of two, one is lost with every shift, and the other with the largest one only."""
+
+    class Run(Trial):
+        def attempt(self, k):
+            less = 1 - self.point.case.machine(1).p / base.case.machine(1).p
+            return SimpleNamespace(stable=self.contingency.name == "moderate" and 0.055 < less < 0.1)
+
+    monkeypatch.setattr(sys.modules[redispatch.__module__], "Trial", Run)
+    lost = [replace(LOST, name=name) for name in ("never", "moderate")]
+    found = redispatch(base, lost, Search(1.0, 20.0))
+    assert found.unsolved == (lost[0].label,)
+    assert 1 - found.point.case.machine(1).p / base.case.machine(1).p == pytest.approx(0.06, abs=1e-3)
 
 
 @pytest.mark.slow

@@ -145,7 +145,7 @@ def test_a_fault_that_is_stable_at_the_limit_of_a_screen_is_scanned_below_it(cla
 def swinging(last_deg, ratio):
     """Swings that are a ratio of those before."""
     last, before = np.deg2rad((last_deg, last_deg / ratio))
-    return Swings(1, last, before, last, before, 2.5, 0.7)
+    return Swings(1, last, before, 1, last, before, 2.5, 0.7)
 
 
 @pytest.mark.parametrize(

@@ -107,7 +107,7 @@ def test_the_longest_observation_of_a_stable_run_is_said():
 
 @pytest.mark.parametrize(("last", "before", "how"), [(0.3, 0.3, ""), (2.0, 2.0, "do not decay"), (2.0, 0.5, "grow")])
 def test_large_swings_that_last_are_said_and_small_ones_are_not(last, before, how):
-    swings = Swings(1, last, before, last, before, 2.5, 0.9)
+    swings = Swings(1, last, before, 1, last, before, 2.5, 0.9)
     found = answer(Run(2, True, Kind.STABLE, None, 5.0, swings=swings, observed_s=5.0))
     assert swings.settled == (not how)
     assert swings.lasting or swings.growing

@@ -272,6 +272,17 @@ def test_a_violation_of_swings_is_that_of_the_machine_named(undamped, tmp_path):
     assert late > 1.05 * before
 
 
+def test_growing_swings_are_as_large_as_the_outcome_says(tmp_path):
+    """The largest swing of all grows, and another machine has the largest ratio."""
+    run = st.load("two_area_thyristor").simulate(st.Contingency("10", clear="2cyc"), until=7)
+    (found,) = run.judge(rules(tmp_path, '[[swings]]\nname = "s"\nmust = "not grow"\n')).violations
+    swing = np.ptp(run.angle_from_coi_deg[run.time >= 4.5 - 1e-9], axis=0)
+    assert found.where == f"machine {run.point.rotor_names[swing.argmax()]}"
+    assert found.extreme == pytest.approx(swing.max())
+    assert f"the largest is {found.extreme:.3g} degrees" in run.outcome.message
+    assert found.where != f"machine {run.outcome.swings.machine}"
+
+
 def test_a_violation_of_angles_is_that_of_the_pair_named(undamped, tmp_path):
     """Their greatest distance; from the instant on at which they pass the limit, between two rows."""
     run = undamped.simulate(st.Contingency("2", clear="5cyc"), until=8)

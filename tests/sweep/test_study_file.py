@@ -270,3 +270,12 @@ def test_quantities_may_have_units(write):
     given = 'until_s = "5s"\nlag_s = "50ms"\ndeadband_hz = "100mHz"\nmax_angle_rad = "180deg"'
     (job,) = study_file.read(write(HEAD + given))
     assert (job.until, job.lag, job.deadband, job.max_angle) == pytest.approx((5.0, 0.05, 0.1, 3.14159265))
+
+
+@pytest.mark.parametrize(
+    ("given", "said"), [('at_s = "50cyc"', "in cyc .* in s."), ('min_frequency_pu = "58Hz"', "in Hz .* in pu.")]
+)
+def test_quantities_that_depend_on_the_case_are_refused_with_the_reason(write, given, said):
+    said = said.replace(".*", "depends on the frequency of the case, and a study may have several cases; write it")
+    with pytest.raises(StudyError, match=said):
+        study_file.read(write(HEAD + given))

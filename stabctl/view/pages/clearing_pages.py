@@ -57,7 +57,7 @@ def screen(found: Screen, base: "Case | OperatingPoint | None" = None) -> Page:
                 "not screened.",
             )
         )
-    rows = [(p.place, ", ".join(p.trip), p.shown, p.limit, _swings(p)) for p in found.pairs]
+    rows = [(p.place, ", ".join(p.trip), p.cell, p.limit, _swings(p)) for p in found.pairs]
     heads = "fault at", "opened to clear it", "critical clearing time (cycles)", "limited by", "swings"
     note = (
         "Zero cycles: unstable after opening the line, even without a fault. Swings: those of the longest stable run, "

@@ -49,7 +49,7 @@ def page(study: Study) -> Page:
         f"{case.name}_study",
         f"Stability of {case.name}",
         [*pattern.about(case), *open_parts, *study.remarks()],
-        [(verdict, f"with a clearing time of {study.wanted.cycles:g} cycles"), *_numbers(study)],
+        [(verdict, f"with a clearing time of {study.guaranteed}"), *_numbers(study)],
         [
             Section("Contingencies", list(_contingencies(study))),
             Section("What would help", list(_remedies(study))),
@@ -90,9 +90,9 @@ def write(study: Study, folder: str | Path) -> Path:
 def _numbers(study: Study) -> Iterator[tuple[str, str]]:
     """The numbers at the top."""
     if study.margins:
-        yield f"{study.margins[0].cycles:+g}", "cycles, the smallest margin"
-        within = f"{study.wanted.cycles:g} cycles or less"
-        yield f"{len(study.insecure)} of {len(study.margins)}", f"contingencies lost with {within}"
+        yield study.margins[0].shown, "cycles, the smallest margin"
+        lost = f"contingencies lost with a clearing time of at most {study.guaranteed}"
+        yield f"{len(study.insecure)} of {len(study.margins)}", lost
     if study.modes is not None and (worst := study.oscillations):
         yield f"{100 * study.modes.damping_ratio[worst[0]]:.2f} %", "damping ratio of the least damped oscillation"
     if study.low_or_high:
@@ -136,7 +136,7 @@ def _contingencies(study: Study) -> Iterator[Part]:
 
 def _row(m: Margin) -> tuple[str, ...]:
     p = m.found
-    return p.place, ", ".join(p.trip), p.shown, f"{m.cycles:+g}", p.limit
+    return p.place, ", ".join(p.trip), p.cell, m.shown, p.limit
 
 
 def _worst(study: Study) -> Iterator[Part]:
@@ -150,7 +150,7 @@ def _worst(study: Study) -> Iterator[Part]:
         rows.append(
             (m.found.contingency.label, outcome, f"{run.max_angle_from_coi_deg:.1f}", lowest, run.outcome.message)
         )
-    note = f"Simulated with a clearing time of {study.wanted.cycles:g} cycles, or their own."
+    note = f"Simulated with a clearing time of {study.guaranteed}."
     kept = [one.kept for one in study.judged] or [run.outcome.stable for run in study.worst]
     for m, ok in zip(study.margins, kept, strict=False):
         if ok and (least := m.found.lowest_unstable) is not None and least < m.required:
