@@ -88,6 +88,10 @@ class Feedback(Law):
         """Whether its orders follow the acceleration."""
         return self.acceleration_gain != 0
 
+    def reads(self, signal: str) -> bool:
+        """As in `Law.reads`."""
+        return self.inertial if signal == "acceleration" else super().reads(signal)
+
     @property
     def abrupt(self) -> bool:  # type: ignore[override]
         """Whether its orders jump, at the edges of the deadband or with the sign of the speed."""

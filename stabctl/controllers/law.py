@@ -24,8 +24,6 @@ class Law(ABC):
     ----------
     relay
         Whether its orders switch between fixed values; the simulation then finds the instants within a step.
-    angular
-        Whether it reads the angle.
     inertial
         Whether its orders follow the acceleration that they cause; the simulation then solves for both at once.
     abrupt
@@ -39,7 +37,6 @@ class Law(ABC):
     """
 
     relay: bool = False
-    angular: bool = False
     inertial: bool = False
     abrupt: bool = False
     step: float = 1 / 120
@@ -59,9 +56,19 @@ class Law(ABC):
 
     @property
     def timed(self) -> bool:
-        """Whether its orders depend on the instant: whether compiled code of its file mentions the time."""
+        """Whether its orders depend on the instant."""
+        return self.reads("time")
+
+    def reads(self, signal: str) -> bool:
+        """Whether its orders depend on a signal of `Input`: whether compiled code of its file mentions that.
+
+        Parameters
+        ----------
+        signal : str
+            Its name, such as "time".
+        """
         functions = (f for f in vars(self.device.module).values() if inspect.isfunction(f) and "inlined" in vars(f))
-        return any("time" in (*f.__code__.co_names, *f.__code__.co_varnames) for f in functions)
+        return any(signal in (*f.__code__.co_names, *f.__code__.co_varnames) for f in functions)
 
     @abstractmethod
     def par(self, device: StorageDevice) -> Any:
@@ -138,10 +145,9 @@ class SampledLaw(Law):
         """The equations of the law."""
         return self.law.device
 
-    @property
-    def timed(self) -> bool:
-        """Whether the orders of the law depend on the instant."""
-        return self.law.timed
+    def reads(self, signal: str) -> bool:
+        """Whether the orders of the law depend on a signal."""
+        return self.law.reads(signal)
 
     @property
     def groups(self) -> tuple[tuple[int, ...], ...]:  # type: ignore[override]

@@ -118,7 +118,6 @@ class StorageLaw(Law):
     timeout: Annotated[float, "s", "time for which it stays armed", POSITIVE] = 5.0
     return_time: Annotated[float, "s", "time constant of the return of energy", NOT_NEGATIVE] = 0.0
     return_power: Annotated[float, "-", "largest share of the rating for the return", SHARE] = 0.1
-    timed = False  # it measures how long it has been armed
 
     def __post_init__(self) -> None:
         guard(self)
@@ -133,10 +132,10 @@ class StorageLaw(Law):
         """Whether its orders switch between fixed values."""
         return self.slope == 0 and self.return_time == 0
 
-    @property
-    def angular(self) -> bool:  # type: ignore[override]
-        """Whether it reads the angle."""
-        return self.angle_gain != 0
+    def reads(self, signal: str) -> bool:
+        """As in `Law.reads`; with the time it only measures how long it has been armed."""
+        of_settings = {"angle": self.angle_gain != 0, "acceleration": self.max_acceleration > 0, "time": False}
+        return of_settings[signal] if signal in of_settings else super().reads(signal)
 
     def par(self, device: StorageDevice) -> Par:
         """Parameters in pu."""

@@ -12,7 +12,8 @@ PMUs that explain e are sought. A set M of them explains
     T_M = b* A^-1 b,   b = G_M* C^-1 e,   A = G_M* C^-1 G_M,
 
 of e* C^-1 e; for one PMU it is chi-square with two degrees of freedom if all PMUs are good. A set of two must explain
-`LIMIT` more than one. Those PMUs are named that belong to every set within `CLEAR` of the best.
+`LIMIT` more than one. Those PMUs are named that belong to every set within `CLEAR` of the best. PMUs with nearly
+parallel columns explain the same, as those of two machines alone may: neither of them is named.
 
 `suspects` names the PMUs that explain e, and those that explain its mean, exponential over `WINDOW`. The offsets of the
 clocks are constant: their variance does not fall with the mean. A PMU that repeats the same phasor is bad, too.
@@ -32,6 +33,7 @@ from .pmu import Frame, Pmu
 
 LIMIT = 40.0  # T of one PMU; the probability of more is exp(-20)
 CLEAR = 16.0  # difference of T below which two explanations are alike
+PARALLEL = 0.9  # squared correlation of two columns, from which on they are alike; up to 0.7 of neighbors in ieee39
 WINDOW = 0.5  # s   of the mean
 RETURN = 5.0  # s
 USUAL, CENTERED = 4.0, 12.0
@@ -83,8 +85,9 @@ class Residuals(NamedTuple):
         i, j = np.triu_indices(len(b), 1)
         det = power[i] * power[j] - np.abs(A[i, j]) ** 2
         both = power[j] * square[i] - 2 * (b[i].conj() * A[i, j] * b[j]).real + power[i] * square[j]
-        one = square / power
-        two = np.divide(both, det, out=np.zeros(len(det)), where=det > 1e-6 * power[i] * power[j]) - LIMIT
+        parallel = np.abs(A) ** 2 > PARALLEL * np.outer(power, power)
+        one = (parallel * square / power).max(axis=1)
+        two = np.divide(both, det, out=np.zeros(len(det)), where=~parallel[i, j] & (det > 0)) - LIMIT
         best = max(one.max(), two.max(initial=0.0))
         if best <= LIMIT:
             return {}

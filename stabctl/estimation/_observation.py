@@ -27,6 +27,7 @@ class Truth(NamedTuple):
     I: np.ndarray  # pu   currents out of the machines
     slip: np.ndarray  # pu
     delta: np.ndarray  # rad
+    acceleration: np.ndarray  # pu/s
     island: np.ndarray  # by number; -1 of tripped machines
     buses: np.ndarray  # (seeds, buses) pu   voltages
     others: np.ndarray  # (seeds, others) pu   currents into the network of storage devices and loads
@@ -131,7 +132,8 @@ class Observation:
             buses = s.V if resting is None else resting
             V, I = self._terminals[k].phasors(buses)
             others = self.network.other_currents(buses, I, s.switching) if self._metered else np.zeros(0, complex)
-            self._last[k] = last = V, I, s.speed - 1, s.angle.copy(), s.island.copy(), buses, others
+            rotors = s.speed - 1, s.angle.copy(), s.acceleration
+            self._last[k] = last = V, I, *rotors, s.island.copy(), buses, others
         return last
 
 

@@ -2,7 +2,7 @@
 
 The speed of a machine relative to the center of inertia (COI) of the others comes from estimates of different ages:
 
-    w_i = s_i(own age) - sum_{j != i} H_j s_j(remote age) / sum_{j != i} H_j,   over the valid machines of its island
+    w_i = s_i(own age) - sum_{j != i} H_j s_j(remote age) / sum_{j != i} H_j,   over the machines of its island, or 0
 
 Every speed is extrapolated to the present with its acceleration, s + a t, t its age but at most `REACH`. The variance
 has what longer ages leave out, and the change of the acceleration since then, as the own one shows it. A machine
@@ -129,14 +129,15 @@ class CoiReference:
         shares[0], shares[1], shares[2], shares[3] = H * remote_valid, H, H * rs, H * ra
         shares[4], shares[5] = H * H * rvar, H * together
         reporting, *sums = _others(shares, island, whole)
-        weight = np.where(sums[0] > 0, sums[0], 1.0)
+        alone = sums[0] == 0
+        weight = np.where(alone, 1.0, sums[0])
         usable = valid & (island >= 0) & (reporting > 0) & (reporting + self.H >= ENOUGH * (sums[0] + self.H))
         jumped *= (SHARED * (self.remote - self.own) * self.T) ** 2
         left = left - late * sums[2] / weight
         sigma = np.sqrt(var + unseen**2 + left**2 + (sums[3] + sums[4] ** 2) / weight**2 + jumped)
-        speed = s - sums[1] / weight
+        speed = np.where(alone, 0.0, s - sums[1] / weight)
         usable &= sure & (sigma < np.maximum(LIMIT, np.abs(speed)))
-        return Deviations(speed, a - sums[2] / weight, sigma, usable, own, far)
+        return Deviations(speed, np.where(alone, 0.0, a - sums[2] / weight), sigma, usable, own, far)
 
     def _together(self, e: Estimate, silent: np.ndarray, island: np.ndarray) -> Estimate:
         """A silent machine stays in synchronism: its speed is near that of the COI, as near as those of the others are.
@@ -297,14 +298,19 @@ class PhasorSignals:
         self._signals = [s for s, _ in signals]
         self._kinds = np.array([s.kind for s in self._signals])
         self._late = np.array([not own for _, own in signals], bool)
+        near = [s.kind == "bus_angle" and outputs.near(point, s.number) for s in self._signals]
+        self._near = np.array([np.broadcast_to(one, len(numbers)) for one in near], float).T
         self._row = np.array([numbers.index(s.number) if s.kind in OF_MACHINE else -1 for s in self._signals], int)
         self._share = np.array([1.0 if i < 0 else point.case.base_mva / point.case.machines[i].base for i in self._row])
         self._instrument = Instrument(pmu, [[seed, STREAM] for seed in seeds], len(signals), hz)
         self._past: deque[_Report] = deque(maxlen=pmu.remote_frames(hz) - pmu.own_frames(hz) + 1)
         self._ends: dict[Switching, tuple[np.ndarray, np.ndarray]] = {}
 
-    def frame(self, at: float, V: np.ndarray, machines: Frame, coi: np.ndarray) -> None:
-        """Reports at an instant (s) with bus voltages (seeds, buses), those of the machines, and COI angles (seeds)."""
+    def frame(self, at: float, V: np.ndarray, machines: Frame, angle: np.ndarray, inertia: np.ndarray) -> None:
+        """Reports at an instant (s) with bus voltages (seeds, buses), those of the machines, their angles and inertia.
+
+        An angle is that from the COI of the machines which were in the island of its bus at rest.
+        """
         true = [self._true(v, s.switching) for v, s in zip(V, self.simulations, strict=True)]
         volts, currents = (np.array(columns) for columns in zip(*true, strict=True))
         seen = self._instrument.report(at, volts, currents, np.zeros(volts.shape))
@@ -313,7 +319,8 @@ class PhasorSignals:
             np.where(here, own[:, self._row], other)
             for own, other in ((machines.V, seen.V), (machines.I, seen.I), (machines.received, seen.received))
         )
-        new = _Report(U, I, seen.frequency, np.broadcast_to(coi[:, None], U.shape))
+        coi = (inertia * angle) @ self._near / np.maximum(inertia @ self._near, 1e-300)
+        new = _Report(U, I, seen.frequency, coi)
         if self._past:
             last = self._past[-1]
             new = _Report(*(np.where(received, now, old) for now, old in zip(new, last, strict=True)))
@@ -355,7 +362,7 @@ class PhasorSignals:
 
 
 class _Report(NamedTuple):
-    """The last phasors and frequencies (seeds, signals), and the angle of the COI that was estimated then."""
+    """The last phasors and frequencies (seeds, signals), and the angles of the COI that were estimated then."""
 
     V: np.ndarray
     I: np.ndarray

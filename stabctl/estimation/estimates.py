@@ -66,7 +66,8 @@ class Estimates(Tabular):
     time : ndarray (frames), s
         Instants of the frames.
     slip, estimated, slip_sigma : ndarray, pu
-        True and estimated deviation of the speed from nominal, and its standard deviation as reported by the filter.
+        True and estimated deviation of the speed from nominal, and the standard deviation of the estimate; with late or
+        lost reports, what is known of the instant of the frame.
     deviation, deviation_estimated, sigma : ndarray, pu
         True and estimated speed relative to the COI of the other machines, and its reported standard deviation.
     acceleration : ndarray, pu/s

@@ -101,6 +101,12 @@ class EstimatorControl:
                     f"{name} = {getattr(self, name)!r} is not known; choose one of {', '.join(get_args(allowed))}."
                 )
 
+        for signal in ("acceleration", "angle"):
+            if self.estimator == "frequency" and self.law is not None and self.law.reads(signal):
+                raise StudyError(
+                    f"{self.law} reads the {signal}, which the estimator 'frequency' does not give; choose 'kalman'."
+                )
+
     @property
     def _several(self) -> tuple[Law | Controller, ...]:
         return self.control if isinstance(self.control, tuple) else (self.control,)  # type: ignore[return-value]

@@ -136,7 +136,7 @@ class EstimatorLoop:
         if isinstance(self.estimator, Filtered):
             nees = self.estimator.error(self._past[0].delta, self._past[0].slip)
         row: Row = {
-            "time": at, "slip": true.slip, "estimated": estimate.slip, "slip_sigma": np.sqrt(estimate.variance),
+            "time": at, "slip": true.slip, "estimated": dev.own.slip, "slip_sigma": np.sqrt(dev.own.variance),
             "deviation": self._true_coi.step(exact, true.island).speed, "deviation_estimated": dev.speed,
             "acceleration": dev.acceleration, "sigma": dev.sigma, "usable": dev.usable, "on": true.island >= 0,
             "nis": estimate.nis, "nees": nees, "orders": np.zeros((len(self.simulations), len(self._machine))),
@@ -145,11 +145,12 @@ class EstimatorLoop:
         return row, dev, true.island
 
     def _turned(self, estimate: Estimate, true: Truth) -> Estimate:
-        """The estimate with continuous angles; the ideal estimator knows the true ones."""
-        angle = true.delta if self.control.estimator == "ideal" else estimate.angle
-        if angle is None:
+        """The estimate with continuous angles; the ideal estimator knows the true ones, and the true accelerations."""
+        if self.control.estimator == "ideal":
+            return estimate._replace(acceleration=true.acceleration, angle=true.delta)
+        if estimate.angle is None:
             return estimate
-        self._angle = self._angle + wrapped(angle - self._angle)
+        self._angle = self._angle + wrapped(estimate.angle - self._angle)
         return estimate._replace(angle=self._angle)
 
 
@@ -178,7 +179,7 @@ class LawInputs:
         read = [(chosen(case, [f"deviation:{'+'.join(map(str, g))}"], OUTPUTS)[0], len(g) == 1) for g in groups]
         ages = pmu.own_frames(hz) / pmu.rate, pmu.remote_frames(hz) / pmu.rate
         self._start = point.s[point.rotors.angle]
-        wider = law.groups or law.angular
+        wider = law.groups or law.reads("angle")
         self._rotors = RotorSignals(point, read, inertia, ages, self._machine) if wider else None
 
     def signals(self, k: int, estimates: Deviations, island: np.ndarray, simulation: Simulation) -> list[Input]:
@@ -239,10 +240,8 @@ class ControlInputs:
     def frame(self, at: float, V: np.ndarray, frame: Frame, estimate: Estimate, island: np.ndarray) -> None:
         """Measure at an instant (s): bus voltages (seeds, buses), the frame and estimates of the machines, islands."""
         if self._phasors is not None:
-            weight = self._inertia * (island >= 0)
             angle = np.zeros(island.shape) if estimate.angle is None else estimate.angle
-            coi = (weight * angle).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-300)
-            self._phasors.frame(at, V, frame, coi)
+            self._phasors.frame(at, V, frame, angle, self._inertia * (island >= 0))
 
     def set(self, k: int, estimates: Deviations, island: np.ndarray) -> None:
         """Give the controllers of simulation k their inputs."""

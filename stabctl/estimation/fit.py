@@ -38,7 +38,10 @@ UNKNOWN = 0.2  # standard deviation beyond which the recording does not tell
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Fit(Tabular):
-    """Factors on the machine data that the estimators were given, arrays (machines); 1 if the data are right."""
+    """Factors on the machine data that the estimators were given, arrays (machines).
+
+    They are 1 where the data are right, and where the recording does not tell.
+    """
 
     machines: tuple[int | str, ...]
     inertia: np.ndarray
@@ -98,20 +101,27 @@ def fit(found: "Estimates") -> Fit:
         raise StudyError("There are no reports to fit; call estimate(...).fit().")
     control, case = found.control, found.point.case
     known = rotor_units(found.point, control.inertia_factor, control.reactance_factor)
-    best, n = np.zeros((2, len(known.H))), len(known.H)
+    frames, best, n = _in_operation(found), np.zeros((2, len(known.H))), len(known.H)
     for finer in FINER:
         steps = np.linspace(-1, 1, POINTS) * SPAN * finer
         shifts = np.array(list(product(steps, steps))).T  # (2, candidates)
         tried = best[:, None, :] + shifts[:, :, None]
-        values = likelihood(known, np.exp(tried), found.frames, pmu=control.pmu, process=control.process)
+        values = likelihood(known, np.exp(tried), frames, pmu=control.pmu, process=control.process)
         top = values.argmax(0)
         centers, best = best, best + shifts[:, top]
     peaks = [paraboloid(shifts, values[:, i]) for i in range(n)]
     at = np.array([peak for peak, _ in peaks]).T
     sigma = np.array([of_peak for _, of_peak in peaks]).T
     factors = np.exp(np.where(np.abs(at) <= SPAN * FINER[-1], centers + at, best))
-    sigma = np.where(sigma < UNKNOWN, sigma * factors, np.nan)
+    told = sigma < UNKNOWN
+    factors, sigma = np.where(told, factors, 1.0), np.where(told, sigma * factors, np.nan)
     return Fit(tuple(m.machine for m in case.machines), factors[0], sigma[0], factors[1], sigma[1])
+
+
+def _in_operation(found: "Estimates") -> list[Frame]:
+    """The reports of machines that are on, in runs that go on; at first, the system at rest, all are."""
+    rest = len(found.frames) - len(found.on)
+    return [f._replace(received=f.received & found.on[max(k - rest, 0)]) for k, f in enumerate(found.frames)]
 
 
 def likelihood(

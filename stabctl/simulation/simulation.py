@@ -111,6 +111,11 @@ class Simulation:
         return self._run.s[self.point.rotors.angle]
 
     @property
+    def acceleration(self) -> np.ndarray:
+        """Accelerations (rotor units), pu/s, as last evaluated; of rotors whose speed is a state."""
+        return self._run.f[self.point.rotors.speed]
+
+    @property
     def V(self) -> np.ndarray:
         """Voltages (buses) now, complex, pu."""
         self.settled()

@@ -121,6 +121,13 @@ def test_islands_have_their_own_coi_and_tripped_machines_none():
     assert got.usable[0].tolist() == [True, True, True, False]
 
 
+def test_a_machine_alone_deviates_from_nothing():
+    got = CoiReference(H, 60, 0, 0).step(estimate(acceleration=0.1), np.array([[0, 0, 0, 1]]))
+    assert (got.speed[0, 3], got.acceleration[0, 3], got.usable[0, 3]) == (0, 0, False)
+    moving = CoiReference(H[:1], 60, 0, 0).step(estimate(S[:, :1], received=THERE[:, :1]), WHOLE[:, :1])
+    assert moving.speed == 0
+
+
 def test_a_filter_that_has_lost_its_rotor_is_not_believed():
     """A speed half a turn per frame off, with a small variance: unusable itself, and the others do without it."""
     wrong = S.copy()

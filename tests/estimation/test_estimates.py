@@ -81,6 +81,15 @@ def test_machines_that_are_off_do_not_count(blank):
     assert replace(found, deviation_estimated=seen, on=on).accuracy_between(0, 5).rmse_mhz == 0
 
 
+def test_true_and_estimated_speeds_are_of_the_same_instant(study):
+    """Also with a filter of M class, whose reports are three frames old."""
+    point, events, cleared, _ = study("two_area classical")
+    found = estimate(point, events, 4, control=EstimatorControl(pmu=Pmu.exact(filter_class="M")))
+    later = found.time > cleared + 0.3
+    error = (found.estimated - found.slip)[later]
+    assert np.mean(error**2) < 6 * np.mean(found.slip_sigma[later] ** 2)
+
+
 def test_nothing_to_judge_is_a_sentence(blank):
     with pytest.raises(StudyError, match="in synchronism between"):
         blank[0].accuracy_between(90, 95)

@@ -1,5 +1,7 @@
 """Inertia and reactance from recorded reports: wrong data are recovered within the error that is stated."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,6 +42,23 @@ def test_wrong_data_are_recovered(points, inertia, reactance):
         assert np.all(sigma < most)
     assert len(found.df) == 4
     assert "machine 1: inertia x" in str(found)
+
+
+def test_reports_of_machines_that_are_off_tell_nothing(cases):
+    lost = Contingency("7", "6cyc", events=["4@1.3s"])
+    found = estimate(cases("two_area").classical(), lost, 1.6, storage="50MW", record=False)
+    assert 0 < found.on[:, 0, 3].sum() < len(found.on)
+    on = np.concatenate([np.ones((len(found.frames) - len(found.on), 1, 4), bool), found.on])
+    wild = tuple(f._replace(V=np.where(here, f.V, -2 * f.V)) for f, here in zip(found.frames, on, strict=True))
+    one, other = found.fit(), replace(found, frames=wild).fit()
+    assert one.df.equals(other.df)
+
+
+def test_what_the_recording_does_not_tell_keeps_its_factor(cases):
+    fitted = estimate(cases("two_area").classical(), None, 0.2, record=False).fit()
+    assert np.isnan(fitted.inertia_sigma).all()
+    assert (fitted.inertia == 1).all()
+    assert "inertia x unknown" in str(fitted)
 
 
 def test_the_loop_uses_one_factor_per_machine(points):

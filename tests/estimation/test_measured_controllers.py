@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from islands import joined
 
 import stabctl as st
 from stabctl._util.errors import StudyError
@@ -139,6 +140,15 @@ def test_the_command_line_puts_controllers_behind_pmus(stabctl, tmp_path):
         ([behind(CONTROLLERS["angles"]), behind(st.BangBang())], "Give one EstimatorControl"),
         ([behind(st.BangBang()), st.BangBang()], "Give one storage law"),
         (lambda: behind([st.BangBang(), st.BangBang()]), "takes one storage law, or controllers"),
+        (
+            lambda: behind(st.Feedback(acceleration_gain=0.03), "frequency"),
+            "reads the acceleration, which the estimator",
+        ),
+        (
+            lambda: behind(st.StorageLaw(max_acceleration=0.2), "frequency"),
+            "reads the acceleration, which the estimator",
+        ),
+        (lambda: behind(st.StorageLaw(angle_gain=5.0), "frequency"), "reads the angle, which the estimator"),
         (lambda: behind([]), "takes one storage law, or controllers"),
     ],
 )
@@ -160,6 +170,28 @@ def test_a_law_behind_ideal_pmus_acts_as_the_law_at_frames(law):
     assert np.array_equal(behind.arrays.order, alone.arrays.order)
     assert np.abs(behind.arrays.speed - alone.arrays.speed).max() < 1e-8  # measured 2e-9
     assert np.abs(alone.arrays.order).max() == 1
+
+
+def test_the_ideal_estimator_gives_laws_the_true_acceleration(cases):
+    """It is the rate of the deviation: between events, the trapezoidal rule gives its change over a frame."""
+    base = cases("two_area").classical().initialize(storage="50MW")
+    law = st.Feedback(acceleration_gain=0.03, braking=True)
+    found = base.estimate(st.Contingency("7", clear="4cyc"), "3s", control=st.EstimatorControl(law, "ideal"))
+    idle = base.estimate(
+        st.Contingency("7", clear="4cyc"), "3s", control=st.EstimatorControl(st.Feedback(0.0), "ideal")
+    )
+    assert np.abs(found.orders).max() == 1
+    later = idle.time > 1.2
+    change, rate = np.diff(idle.deviation[later], axis=0), idle.acceleration[later]
+    assert change == pytest.approx((rate[1:] + rate[:-1]) / 120, abs=2e-3 * np.abs(change).max())
+
+
+def test_a_bus_angle_is_that_from_its_own_island(cases):
+    case = cases("two_area").classical()
+    base = joined(case, case).initialize(storage="1=50MW")
+    one = gain(("bus_angle:1007",), ("order:1@5",), [[1.0]])
+    ideal = base.simulate(FAULT, "1.5s", control=behind(one, "ideal", st.Pmu.exact()))
+    assert np.abs(ideal.arrays.order).max() < 1e-6
 
 
 @pytest.mark.parametrize("name", ["deviation:1+2", "deviation:2+1", "angle_deviation:1+2", "speed:1", "rest_speed:2"])

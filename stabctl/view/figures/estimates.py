@@ -3,10 +3,12 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from stabctl._util.errors import StudyError, shown
 from stabctl.estimation.estimates import Estimates
 
 from .palette import COLORS, LABELS
 from .style import subplots
+from .trajectory import wanted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -15,7 +17,9 @@ if TYPE_CHECKING:
 MOST = 6  # panels
 
 
-def plot(found: Estimates, *, machines: Sequence[int] | None = None, seed: int = 0) -> "Figure":
+def plot(
+    found: Estimates, *, machines: int | str | Sequence[int | str] | None = None, seed: int | None = None
+) -> "Figure":
     """Plot true and estimated speeds of machines relative to the rest of the system.
 
     Parameters
@@ -23,9 +27,9 @@ def plot(found: Estimates, *, machines: Sequence[int] | None = None, seed: int =
     found
         The estimates of a simulation.
     machines
-        Numbers of the machines to show. Default: the first six.
+        Names or numbers of the machines to show. Default: the first six.
     seed
-        Which of the seeds, counted from 0.
+        Which of the seeds. Default: the first.
 
     Returns
     -------
@@ -38,12 +42,12 @@ def plot(found: Estimates, *, machines: Sequence[int] | None = None, seed: int =
     >>> found = base.estimate(st.Contingency("7", clear="8cyc"), "2s")
     >>> found.plot(machines=[1, 4]).savefig("estimates.png")
     """
-    case, shown = found.point.case, _rows(found, machines)
-    figure, axes = subplots(9, 1.7 * len(shown) + 0.8, len(shown), sharex=True)
+    case, (rows, row) = found.point.case, _chosen(found, machines, seed)
+    figure, axes = subplots(9, 1.7 * len(rows) + 0.8, len(rows), sharex=True)
     scale = 1e3 * case.frequency_hz
-    for ax, i in zip(axes[:, 0], shown, strict=True):
+    for ax, i in zip(axes[:, 0], rows, strict=True):
         true, seen, sigma = (
-            part[:, seed, i] * scale for part in (found.deviation, found.deviation_estimated, found.sigma)
+            part[:, row, i] * scale for part in (found.deviation, found.deviation_estimated, found.sigma)
         )
         ax.fill_between(found.time, seen - 3 * sigma, seen + 3 * sigma, color=COLORS[1], alpha=0.25, linewidth=0)
         ax.plot(found.time, seen, color=COLORS[1], linewidth=1, label="estimated, with ±3 sigma")
@@ -52,17 +56,19 @@ def plot(found: Estimates, *, machines: Sequence[int] | None = None, seed: int =
     axes[0, 0].legend(frameon=False, fontsize="small", ncols=2)
     axes[-1, 0].set_xlabel(LABELS["time"])
     figure.supylabel("speed relative to the COI of the other machines (mHz)", fontsize="medium")
-    figure.suptitle(_title(found, seed), fontsize="medium", wrap=True)
+    figure.suptitle(_title(found, row), fontsize="medium", wrap=True)
     return figure
 
 
-def commands(found: Estimates, *, machines: Sequence[int] | None = None, seed: int = 0) -> "Figure":
+def commands(
+    found: Estimates, *, machines: int | str | Sequence[int | str] | None = None, seed: int | None = None
+) -> "Figure":
     """Plot the bang-bang commands that follow from true and from estimated speeds; arguments as for `plot`."""
-    case, shown = found.point.case, _rows(found, machines)
-    figure, axes = subplots(9, 1.1 * len(shown) + 0.9, len(shown), sharex=True, sharey=True)
-    for ax, i in zip(axes[:, 0], shown, strict=True):
-        ax.step(found.time, found.true_commands[:, seed, i], where="post", color=COLORS[0], linewidth=2.5, alpha=0.45)
-        ax.step(found.time, found.estimated_commands[:, seed, i], where="post", color=COLORS[1], linewidth=1)
+    case, (rows, row) = found.point.case, _chosen(found, machines, seed)
+    figure, axes = subplots(9, 1.1 * len(rows) + 0.9, len(rows), sharex=True, sharey=True)
+    for ax, i in zip(axes[:, 0], rows, strict=True):
+        ax.step(found.time, found.true_commands[:, row, i], where="post", color=COLORS[0], linewidth=2.5, alpha=0.45)
+        ax.step(found.time, found.estimated_commands[:, row, i], where="post", color=COLORS[1], linewidth=1)
         ax.set_yticks((-1, 0, 1), ("inject", "idle", "absorb"))
         ax.set_title(f"machine {case.machines[i].called}", loc="left", fontsize="small")
     labels = "from true speeds", "from estimates"
@@ -70,16 +76,23 @@ def commands(found: Estimates, *, machines: Sequence[int] | None = None, seed: i
         axes[0, 0].lines, labels, frameon=False, fontsize="small", ncols=2, loc="lower right", bbox_to_anchor=(1, 1)
     )
     axes[-1, 0].set_xlabel(LABELS["time"])
-    figure.suptitle(_title(found, seed), fontsize="medium", wrap=True)
+    figure.suptitle(_title(found, row), fontsize="medium", wrap=True)
     return figure
 
 
-def _title(found: Estimates, seed: int) -> str:
-    outcome = f": {found.runs[seed].outcome.message}" if found.runs else ""
-    return f"{found.point.case.name}, {found.control.estimator} estimator, seed {found.seeds[seed]}{outcome}"
+def _title(found: Estimates, row: int) -> str:
+    outcome = f": {found.runs[row].outcome.message}" if found.runs else ""
+    return f"{found.point.case.name}, {found.control.estimator} estimator, seed {found.seeds[row]}{outcome}"
 
 
-def _rows(found: Estimates, machines: Sequence[int] | None) -> list[int]:
-    """Rows of the machines named, or the first few."""
-    rows = [i for i, m in enumerate(found.point.case.machines) if machines is None or m.machine in machines]
-    return rows if machines is not None else rows[:MOST]
+def _chosen(
+    found: Estimates, machines: int | str | Sequence[int | str] | None, seed: int | None
+) -> tuple[list[int], int]:
+    """Rows of the machines named, or the first few, and that of the seed, or the first."""
+    case = found.point.case
+    rows = [i for i, m in enumerate(case.machines) if m.called in wanted(case, machines)]
+    if not rows:
+        raise StudyError("machines is empty; name some, or leave it out.")
+    if seed not in (None, *found.seeds):
+        raise StudyError(f"There is no seed {shown(seed)}; choose one of {', '.join(map(str, found.seeds))}.")
+    return rows if machines is not None else rows[:MOST], 0 if seed is None else found.seeds.index(seed)

@@ -116,8 +116,8 @@ def compare(
 
 def storage(run: Trajectory, machines: Sequence[int | str] | None = None) -> "Figure":
     """Plot the power of the storage devices of some machines (default: all), one above the other."""
-    case, wanted = run.point.case, _wanted(run, machines)
-    shown = [k for k, s in enumerate(case.storage) if case.machine(s.machine).called in wanted]
+    case, named = run.point.case, wanted(run.point.case, machines)
+    shown = [k for k, s in enumerate(case.storage) if case.machine(s.machine).called in named]
     figure, axes = subplots(9, 1.25 * len(shown) + 0.6, len(shown), sharex=True, sharey=len(shown) > 2)
     for ax, k in zip(axes[:, 0], shown, strict=True):
         device = case.storage[k]
@@ -241,15 +241,15 @@ def _signal(run: Trajectory, quantity: str, shown: Sequence[Channel], machines: 
         word = {"bus": "bus", "device": "storage"}.get(of, "machine")
         channels = shown or chosen(case, quantity, run.point.rotors.unit.tolist())
         owners = [(_owner(case, of, c.row), f"{word} {c.label}", c.place) for c in channels]
-    drawn = owners if machines is None else [one for one in owners if one[0] in _wanted(run, machines)]
+    drawn = owners if machines is None else [one for one in owners if one[0] in wanted(run.point.case, machines)]
     columns = values[:, [place for _, _, place in drawn]]
     return Signal(columns, [name for _, name, _ in drawn], [machine for machine, _, _ in drawn])
 
 
-def _wanted(run: Trajectory, machines: Sequence[int | str] | None) -> set[int | str]:
+def wanted(case: Case, machines: int | str | Sequence[int | str] | None) -> set[int | str]:
     """What the machines given by number or name are called; without any, all."""
-    case = run.point.case
-    return {m.called for m in (case.machines if machines is None else map(case.machine, machines))}
+    several = (machines,) if isinstance(machines, int | str) else machines
+    return {m.called for m in (case.machines if several is None else map(case.machine, several))}
 
 
 def _owner(case: Case, of: str, row: int) -> int | str:

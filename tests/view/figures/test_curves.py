@@ -161,7 +161,7 @@ def test_channels_of_an_overview_are_those_of_the_table(held):
 
 def test_estimates_and_commands(cases):
     found = estimate(cases("two_area"), FAULT, 0.6, storage="50MW", seeds=(3, 5))
-    figure = estimates.plot(found, machines=[2, 4], seed=1)
+    figure = estimates.plot(found, machines=[2, 4], seed=5)
     assert len(figure.axes) == 2
     assert labeled(figure)
     for ax, i in zip(figure.axes, (1, 3), strict=True):
@@ -174,12 +174,27 @@ def test_estimates_and_commands(cases):
         assert (low, high) == pytest.approx((60e3 * (mid - 3 * sigma).min(), 60e3 * (mid + 3 * sigma).max()))
     assert "seed 5" in figure.get_suptitle()
     assert [ax.get_title(loc="left") for ax in figure.axes] == ["machine 2", "machine 4"]
-    drawn = estimates.commands(found, seed=0).axes
+    drawn = estimates.commands(found).axes
     assert labeled(drawn[0])
     assert len(drawn) == 4
     for i, ax in enumerate(drawn):
         assert_curves(ax.lines[:1], found.time, found.true_commands[:, 0, [i]])
         assert_curves(ax.lines[1:], found.time, found.estimated_commands[:, 0, [i]])
+
+
+@pytest.mark.parametrize(
+    ("how", "says"),
+    [
+        ({"machines": [9]}, "no machine 9"), ({"machines": [1, 9]}, "no machine 9"), ({"machines": []}, "is empty"),
+        ({"seed": 1}, "no seed 1; choose one of 5"),
+    ],
+)  # fmt: skip
+def test_what_was_not_estimated_is_not_drawn(cases, how, says):
+    found = estimate(cases("two_area").classical(), None, 0.1, seeds=5, record=False)
+    for draw in (estimates.plot, estimates.commands):
+        with pytest.raises(StudyError, match=says):
+            draw(found, **how)
+        assert len(draw(found, machines=3, seed=5).axes) == 1
 
 
 def test_runs_of_a_search_and_bars_of_a_screen(points):
