@@ -72,7 +72,7 @@ def _():
         if not isinstance(one.law, type):
             found[name]["modes"] = str(point.closed_loop(one).modes("0.2..3Hz"))
         found[name] |= {} if one.law else {"matrices": [one.A, one.D, one.rate, one.delay, str(one.to_control().dt)]}
-    return found | {"warnings": [one.warnings for one in both.values()]}
+    return found | {"warnings": [w for one in both.values() for w in one.warnings]}
 
 
 @recorded("laws as controllers")
