@@ -175,9 +175,7 @@ def _():
     found = {name: st.verify(name) for name in names}
     every = systems.systems()
     run = next(s for s in every.values() if s.run and not s.files)
-    traced = [
-        [t.signal, t.unit, t.worst, t.ours[t.worst], t.theirs[t.worst]] for t in traces.traces(run, run.read(None))
-    ]
+    every_trace = traces.traces(run, run.read(None))
     return {
         **{name: [str(one), list(one.largest())] for name, one in found.items()},
         "figure": drawn(figure_of_verification.plot(found["pst_d2asb_exc1"])),

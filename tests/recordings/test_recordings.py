@@ -29,6 +29,7 @@ from recordings import (  # noqa: F401, they add their studies
     features,
     linear,
     one_machine,
+    outcomes,
 )
 from recordings.studies import LOOSE, SLOW, STUDIES, prepared
 
