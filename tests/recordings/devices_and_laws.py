@@ -9,7 +9,7 @@ import numpy as np
 from mixed import second, without_ramps
 from recordings.answers import refused
 from recordings.features import FAULT
-from recordings.studies import dampers, recorded, second_point
+from recordings.studies import GIVEN, dampers, recorded, second_point
 from records import csvgn1
 from systems import LIBRARY, OWN, REGC, SEXS, kind, registered, small
 
@@ -357,7 +357,27 @@ def _():
             },
         }
     found["static var unit"] = static_var_unit()
+    with registered(GIVEN / "susceptance.py"):
+        found["shunt"] = shunt()
     return found
+
+
+def shunt():
+    """Two controlled shunts at buses of the second island, and what is said of one without an equilibrium."""
+    par = devices.every()["susceptance"].Par
+    case = second()
+    two = replace(case, devices={**case.devices, "susceptance": {4: par(3.0, 0.2), 2: par(7.0, 0.07)}})
+    run = two.simulate(FAULT_2, "0.5s", every="50ms")
+    none = replace(case, devices={**case.devices, "susceptance": {4: par(3.0, 0.2), 2: par(0.0, 0.07, 0.3)}})
+    return {
+        "voltage": run.values("voltage"),
+        "linear": two.linearize("load_p:2", "voltage:4, voltage:2").response(0.7),
+        "states": two.linearize().states[-3:],
+        "none": refused(lambda _: none.initialize(), None),
+    }
+
+
+FAULT_2 = replace(FAULT, fault="2-3#1@0.3", trip="2-3#1")
 
 
 def static_var_unit():
@@ -368,7 +388,7 @@ def static_var_unit():
     machines = tuple(m._replace(p=0.0) if m.machine == 24 else m for m in case.machines)
     storage = tuple(s for s in case.storage if s.machine != 24)
     case = replace(case, machines=machines, storage=storage, devices={**models, "csvgn1": {24: svc}})
-    run = case.simulate(replace(FAULT, fault="2-3#1@0.3", trip="2-3#1"), "0.5s", every="50ms")
+    run = case.simulate(FAULT_2, "0.5s", every="50ms")
     return {"run": str(run), "voltage": run.values("voltage"), "linear": case.linearize("vset", "qe").response(0.7)}
 
 

@@ -163,6 +163,7 @@ def _():
     return {
         "nodes": [g.nodes, g.ends, g.length, g.neighbors(), g.lengths(), g.distances(_layout.backbone(g.neighbors()))],
         "backbone": [_layout.backbone(_layout.graph(one).neighbors()) for one in (case, st.load("ieee39"))],
+        "apart": _layout.graph(case).distances(np.arange(0, 18, 3)),
         "second": spaced(_layout.node_positions(plain)),
         "both": spaced(_layout.node_positions(case)),
         "given": _layout.node_positions(some),
@@ -171,7 +172,7 @@ def _():
 
 @recorded("reference systems", loose=1e-5)
 def _():
-    names = "wscc9_classical", "pst_d2asb_exc1", "kundur_colib_classical"
+    names = "wscc9_classical", "pst_d2asb_exc1", "kundur_two_area_manual", "wscc9_sauer_pai"
     found = {name: st.verify(name) for name in names}
     every = systems.systems()
     run = next(s for s in every.values() if s.run and not s.files)

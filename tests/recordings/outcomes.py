@@ -36,12 +36,13 @@ def unlimited():
 @recorded("how runs end", loose=1e-4)
 def _():
     point, free = second_point(), unlimited()
-    weak = second().with_motors("75%", at=5, H=0.11, A=0.0, C0=1.0).with_motors("60%", at=2, H=0.17, A=1.0, C0=0.0)
+    weak = second().with_motors("75%", at=5, H=0.11, A=0.0, C0=1.0).with_motors("70%", at=2, H=0.6, A=0.0, C0=1.0)
     converters = small({"regc_a": REGC}).initialize()
     range_of = st.Criterion(min_frequency="49.7Hz", max_frequency="50.6Hz", frequency_delay_s="70ms")
     runs = {
         "alone": point.simulate(OPENED, "4s", every="0.2s"),
         "alone and slow": point.simulate(OPENED, "2s", every="0.2s", criterion=range_of),
+        "one end": point.simulate([st.Open("2-3#1", 0.1, end=2)], "0.4s", every="0.1s"),
         "black": converters.simulate([st.Open("2-3", 0.1), st.Open("2-3#2", 0.13)], "0.6s"),
         "stalled": weak.simulate(st.Contingency("5", clear="21cyc", at=0.05), "0.9s", every="0.1s"),
         "one stalled": weak.simulate(st.Contingency("5", clear="13cyc", trip="3-5", at=0.05), "0.9s", every="0.1s"),
