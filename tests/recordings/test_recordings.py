@@ -30,6 +30,7 @@ from recordings import (  # noqa: F401, they add their studies
     linear,
     one_machine,
     outcomes,
+    sites,
 )
 from recordings.studies import LOOSE, SLOW, STUDIES, prepared
 
