@@ -119,7 +119,7 @@ TUNE = (
 POD = "design pod two_area_thyristor --storage 50MW --input deviation:1 --output order:1@5 --rate 60 --delay 100ms"
 COMMANDS = {
     "weak-grid": weak_grid,
-    "design tune": command(TUNE, as_json=False),
+    "design tune": command(TUNE, as_json=False, page=True),
     "design pod": command(POD + " --damping 0.1 --out pod.toml", "pod.toml", page=True),
     "design pss": command("design pss two_area_thyristor --machine 1 --machine 3 --damping 0.05"),
     "design law": command(

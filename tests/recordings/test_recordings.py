@@ -21,7 +21,17 @@ if __name__ == "__main__":
     import environment  # noqa: F401
 
 import pytest
-from recordings import answers, damaged, designs, features  # noqa: F401, they add their studies
+from recordings import (  # noqa: F401, they add their studies
+    answers,
+    damaged,
+    designs,
+    devices_and_laws,
+    features,
+    linear,
+    one_machine,
+    outcomes,
+    sites,
+)
 from recordings.studies import LOOSE, SLOW, STUDIES, prepared
 
 RECORDED = Path(__file__).parent / "recorded"
