@@ -107,10 +107,14 @@ class Controller:
         order = "ABCD" if np.size(self.A) else "DABC"  # of a gain alone, D says how many signals there are
         for key in order if self.law is None else "":
             object.__setattr__(self, key, _matrix(key, getattr(self, key), self._shape(key)))
-        for key in ("delay", "tracking"):
-            if getattr(self, key) is not None:
-                object.__setattr__(self, key, duration(key, getattr(self, key)))
+        object.__setattr__(self, "delay", duration("delay", self.delay))
+        if self.tracking is not None:
+            object.__setattr__(self, "tracking", duration("tracking", self.tracking))
         self._check()
+
+    def new_law(self) -> Callable[..., Any]:
+        """The law as at the start: a new instance if it is a class."""
+        return self.law() if isinstance(self.law, type) else self.law  # type: ignore[return-value]
 
     def _shape(self, key: str) -> tuple[int | None, int | None]:
         """Shape of a matrix; None where the names are kinds, whose number depends on the case."""

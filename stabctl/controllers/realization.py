@@ -32,7 +32,7 @@ def realized(c: Controller, names: tuple[str, ...], rest: np.ndarray, outputs: i
         Number of outputs.
     """
     if c.law is not None:
-        return Matrices(*slopes(c.law, names, rest, c.start, outputs, c.name))
+        return Matrices(*slopes(c.new_law(), names, rest, c.start, outputs, c.name))
     own = Matrices(c.A, c.B, c.C, c.D)
     return own if c.rate or not c.delay else _after(own, pade(c.delay, outputs))
 

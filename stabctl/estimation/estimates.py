@@ -210,6 +210,11 @@ class Estimates(Tabular):
         if begin > end:
             raise StudyError(f"There is nothing between {begin:g} and {end:g} s; give the earlier time first.")
         rows = (self.time >= begin - 1e-9) & (self.time <= end + 1e-9)
+        if not rows.any():
+            raise StudyError(
+                f"There is no frame between {begin:g} and {end:g} s; the estimates are from {self.time[0]:g} to "
+                f"{self.time[-1]:g} s."
+            )
         on = self.on[rows]
         if not on.any():
             raise StudyError(

@@ -190,8 +190,7 @@ class Frames:
 
     def _rest(self) -> None:
         """States, and an instance of a class, as at the start, and nothing on its way."""
-        law = self._what.law
-        self._law: Callable[..., Any] = law() if isinstance(law, type) else law  # type: ignore[assignment]
+        self._law = self._what.new_law()
         self._x = np.array(self._what.start, float)
         self._late = [np.zeros(self._called.held.stop - self._called.held.start)] * self._what.frames
 

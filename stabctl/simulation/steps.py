@@ -145,7 +145,7 @@ def affordable(point: OperatingPoint, step: float, length: float, width: float, 
     if count < FEW:
         return
     if not count <= MOST:
-        because = forced_by(point, loop) if step < STEP else ""
+        because = forced_by(point, loop) if step == checked(point, None, loop) < STEP else ""
         raise StudyError(
             f"A run of {length:g} s takes {count:.2g} steps{because}, more than the {MOST:g} allowed; choose a longer "
             "step or a shorter run."

@@ -136,6 +136,11 @@ class Selected(Modes):
     incomplete: tuple[Sector, ...] = ()  # parts of the band in which not all eigenvalues counted were found
 
     @property
+    def references(self) -> int:  # type: ignore[override]
+        """None: the band begins above 0 Hz."""
+        return 0
+
+    @property
     def certified(self) -> bool:
         """Whether as many modes were found as counted, in every part of the band."""
         return self.counted == len(self) and not self.incomplete

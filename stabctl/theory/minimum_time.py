@@ -125,7 +125,9 @@ class MinimumTime(Tabular):
 
     def mirrored(self) -> "MinimumTime":
         """Angle, speed, co-states and power with the opposite sign."""
-        return replace(self, x1=-self.x1, x2=-self.x2, lambda1=-self.lambda1, lambda2=-self.lambda2, Pc=-self.Pc)
+        signed = {name: -getattr(self, name) for name in ("x1", "x2", "lambda1", "lambda2", "Pc")}
+        outcome = _outcome(self.t, signed["x1"], signed["Pc"], self.switches) if self.feasible else self.outcome
+        return replace(self, outcome=outcome, **signed)
 
 
 def by_shooting(p: MinimumTimeProblem) -> MinimumTime:
@@ -321,14 +323,14 @@ def solution(p: MinimumTimeProblem, arcs: Arcs) -> MinimumTime:
     Pc = np.concatenate([np.full(t.size, Pc) for t, _, Pc in arcs])
     y[2:] *= -1 / (hamiltonian(p, y[:, 0], Pc[0]) - 1)
     switches = tuple(float(t[0]) for t, _, _ in arcs[1:])
-    how = (
-        f"with one switch from {arcs[0][2]:g} to {arcs[1][2]:g} pu at {switches[0]:.6f} s"
-        if switches
-        else "without a switch"
-    )
-    outcome = f"The speed is zero {t[-1]:.6f} s after clearing, at {y[0, -1]:.6f} rad, {how}."
+    outcome = _outcome(t, y[0], Pc, switches)
     x1, x2, lambda1, lambda2 = y
     return MinimumTime(outcome, float(t[-1]), switches, t, x1, x2, lambda1, lambda2, Pc, hamiltonian(p, y, Pc))
+
+
+def _outcome(t: Array, x1: Array, Pc: Array, switches: tuple[float, ...]) -> str:
+    how = f"with one switch from {Pc[0]:g} to {Pc[-1]:g} pu at {switches[0]:.6f} s" if switches else "without a switch"
+    return f"The speed is zero {t[-1]:.6f} s after clearing, at {x1[-1]:.6f} rad, {how}."
 
 
 def rates(p: MinimumTimeProblem, y: Array, Pc: float) -> Array:

@@ -211,7 +211,7 @@ class Verification(Tabular):
         swings = [row for row in self.rows if row.swing]
         near = sum(not row.far for row in swings)
         beyond = "all within their tolerances" if not self.outside else f"{len(self.outside)} beyond their tolerance"
-        text = f"{self.numbers} reference numbers of {counted(len(self.by_system), 'system')}: {beyond}."
+        text = f"{counted(self.numbers, 'reference number')} of {counted(len(self.by_system), 'system')}: {beyond}."
         if swings:
             limits = f"within {NEAR[0]} Hz and {NEAR[1]} of the damping ratio"
             text += f" {near} of {counted(len(swings), 'oscillation')} {limits}."

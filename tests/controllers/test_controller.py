@@ -197,6 +197,24 @@ def test_while_its_gate_is_closed_a_function_rests(base):
     assert np.abs(order(run)[~late]).max() > 0.01
 
 
+def test_a_class_is_a_law_in_linear_models_too(base):
+    class Law:
+        def __init__(self):
+            self.gain = 30.0
+
+        def __call__(self, seen):
+            return self.gain * seen["deviation:1"]
+
+    options = {"rate": 60, "delay": "50ms"}
+    one = st.Controller.from_function(Law, "deviation:1", "order:1@5", **options)
+    two = st.Controller.from_function(lambda seen: 30.0 * seen["deviation:1"], "deviation:1", "order:1@5", **options)
+    weak = st.Controller.from_function(lambda seen: 3.0 * seen["deviation:1"], "deviation:1", "order:1@5", **options)
+    a, b, none = (base.closed_loop(c).modes() for c in (one, two, weak))
+    assert np.array_equal(a.eigenvalues, b.eigenvalues)
+    least = [float(m.damping_ratio[m.electromechanical].min()) for m in (a, none)]
+    assert abs(least[0] - least[1]) > 1e-4
+
+
 def test_while_its_gate_is_closed_an_instance_of_a_class_is_new(base):
     """Its attribute counts frames since the gate has opened."""
 

@@ -32,7 +32,7 @@ def renumbered(case):
         return f"{machine(number(text))}{str(text)[len(str(number(text))) :]}" if "#" in str(text) else machine(text)
 
     def elsewhere(par):
-        given = {"bus": bus, "machine": machine}
+        given = {"bus": bus, "other": machine}
         return par._replace(**{n: f(getattr(par, n)) for n, f in given.items() if getattr(par, n, 0)})
 
     return replace(

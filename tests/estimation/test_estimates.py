@@ -92,7 +92,7 @@ def test_true_and_estimated_speeds_are_of_the_same_instant(study):
 
 def test_nothing_to_judge_is_a_sentence(blank):
     with pytest.raises(StudyError, match="in synchronism between"):
-        blank[0].accuracy_between(90, 95)
+        replace(blank[0], on=np.zeros_like(blank[0].on)).accuracy_between(2, 3)
 
 
 def test_times_in_the_wrong_order_are_a_sentence(blank):
@@ -125,3 +125,8 @@ def test_a_run_that_ends_before_clearing_says_when_both_are(blank):
     with pytest.raises(StudyError, match=r"end at 4.983 s, .* last event, at 7 s \(420 cycles\)"):
         _ = late.accuracy
     assert replace(blank[0], cleared_s=4.0).accuracy.rmse_mhz == 0
+
+
+def test_a_time_after_the_end_has_no_frame(blank):
+    with pytest.raises(StudyError, match=r"no frame between 7 and 8 s; the estimates are from 0 to 4.98"):
+        blank[0].accuracy_between(7, 8)

@@ -188,6 +188,8 @@ class TestLength:
         with pytest.raises(StudyError, match=r"takes 1\.2e\+08 steps, more than the 5e\+07 allowed"):
             run(two_area, None, 1e6)
         steps.affordable(two_area, 0.01, 0.01 * steps.MOST, 0)  # as many as are allowed
+        with pytest.raises(StudyError, match=r"takes 1e\+09 steps, more than"):  # nothing but the user forces it
+            run(short, None, 1e3, step=1e-6)
 
     def test_a_record_that_would_fill_the_memory_is_refused(self, two_area, monkeypatch):
         monkeypatch.setattr(steps, "memory", lambda: 2e6)

@@ -127,3 +127,4 @@ def test_a_swing_that_grows_fast_is_found(cases):
     assert sorted(every.damping_ratio[inside]) == pytest.approx([-0.363, -0.345, -0.274], abs=5e-4)
     assert np.sort(every.eigenvalues[inside]) == pytest.approx(np.sort(found.eigenvalues), rel=1e-9)
     assert not found.stable
+    assert (every.references, found.references) == (1, 0)  # the band begins above 0 Hz

@@ -99,6 +99,15 @@ def test_a_mirrored_machine_has_the_mirrored_control(p):
     assert by_collocation(p.mirrored()).duration == pytest.approx(one.duration, rel=1e-8)
 
 
+def test_a_mirrored_result_says_its_own_numbers():
+    found = by_shooting(SWITCHED)
+    mirrored = found.mirrored()
+    powers = f"from {mirrored.Pc[0]:g} to {mirrored.Pc[-1]:g} pu"
+    assert f"at {mirrored.x1[-1]:.6f} rad, with one switch {powers}" in str(mirrored)
+    assert mirrored.Pc[0] == -found.Pc[0] != found.Pc[0]
+    assert str(mirrored.mirrored()) == str(found)
+
+
 def test_table_2():
     assert TABLE2.x1 == pytest.approx(1.073377, abs=5e-7)  # 1.0733775
     assert TABLE2.x2 == pytest.approx(paper.TABLE_2["x2"].value, abs=5e-5)  # 10.995574
