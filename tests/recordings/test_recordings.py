@@ -21,7 +21,7 @@ if __name__ == "__main__":
     import environment  # noqa: F401
 
 import pytest
-from recordings import answers, damaged, designs, features  # noqa: F401, they add their studies
+from recordings import answers, damaged, designs, features, files_and_commands  # noqa: F401, they add their studies
 from recordings.studies import LOOSE, SLOW, STUDIES, prepared
 
 RECORDED = Path(__file__).parent / "recorded"
