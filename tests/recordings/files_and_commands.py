@@ -2,17 +2,41 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
+import pandas as pd
 from described import described
+from mixed import mixed_point, second
 from recordings.answers import refused
 from recordings.damaged import told
-from recordings.studies import GIVEN, LOOSE, SLOW, STUDIES, called, clockless, command, dampers, lines
+from recordings.studies import (
+    GIVEN,
+    LOOSE,
+    SLOW,
+    STUDIES,
+    called,
+    clockless,
+    command,
+    dampers,
+    lines,
+    recorded,
+    second_point,
+)
 
 import stabctl as st
+from stabctl._util.schema import fields
+from stabctl.assessment.redispatch import redispatch
+from stabctl.clearing.templates import contingencies as categories
+from stabctl.clearing.trial import Search
 from stabctl.io.contingencies import monitored
 from stabctl.io.control_files import save_law
+from stabctl.jobs.task import run_task
+from stabctl.model import tables
 from stabctl.simulation.events import described as happening
+from stabctl.sweep.job import Result
+from stabctl.sweep.study_file import read as read_study
+from stabctl.sweep.sweep import tasks as tasks_of
 
 
 def in_folder(name, slow=False, loose=1e-6):
@@ -113,8 +137,8 @@ def _(folder):
     for name, text in texts.items():
         path.write_text(text, encoding="utf-8")
         case = st.load(path)
-        tables = ("loads",) if name == "load buses" else ("buses", "branches", "machines", "loads", "devices", "notes")
-        found |= {f"{name} {table}": rows(getattr(case, table)) for table in tables}
+        wanted = ("loads",) if name == "load buses" else ("buses", "branches", "machines", "loads", "devices", "notes")
+        found |= {f"{name} {table}": rows(getattr(case, table)) for table in wanted}
         found[f"{name} flow"] = case.power_flow().df
     return found
 
@@ -230,8 +254,8 @@ def _(folder):
     for name, text in {"five": changed(five, MORE_RAW), "newer": NEWER, "fixed": FIXED, "older": OLDER}.items():
         (there / f"{name}.raw").write_text(text, encoding="utf-8")
         case = st.load(there / f"{name}.raw", **(keep if name == "five" else {}))
-        tables = ("notes",) if name in ("five", "fixed") else ("buses", "branches", "machines", "loads", "notes")
-        found |= {f"{name} {table}": rows(getattr(case, table)) for table in tables}
+        wanted = ("notes",) if name in ("five", "fixed") else ("buses", "branches", "machines", "loads", "notes")
+        found |= {f"{name} {table}": rows(getattr(case, table)) for table in wanted}
         found |= {f"{name} flow": case.power_flow().df, f"{name} case": str(case)}
     typical = st.load(there / "newer.raw", machines="typical", loads="current", conventions="psse")
     return found | {"typical": rows(typical.devices), "loads": rows(typical.loads), "said": typical.notes}
@@ -554,7 +578,9 @@ def swings(folder):
         code, out, err = called(*text.split(" "))
         kept = [line for line in (some(out) if out.startswith("{") else lines(out)) if not SECOND_METHOD.search(line)]
         found[text] = {"exit": code, "out": some(out) if out.startswith("{") else kept, "err": lines(err)}
-    return found | {"written": sorted(one.name for one in Path(folder).glob("*.*") if one.stem in ("swing", "area", "laws", "time"))}
+    return found | {
+        "written": sorted(one.name for one in Path(folder).glob("*.*") if one.stem in ("swing", "area", "laws", "time"))
+    }
 
 
 WRONG_CALLS = (
@@ -566,17 +592,23 @@ WRONG_CALLS = (
     "simulate mixed --plot mixed", "simulate mixed --report five.raw", "simulate mixed --set pss.1.K",
     "simulate mixed --storage 5MW --storage-at 7=5MW", "simulate two_area --lag 20ms", "simulate mixed --lag -3",
     "simulate two_area --control bang-bang", "simulate two_area --deadband 20mHz", "simulate mixed --max-angle 0",
-    "simulate two_area --pmu-rate 30", "simulate two_area --estimator kalman", "simulate two_area --controller x.toml",
-    "clearing-time mixed --fault 30 --at 2s", "screen mixed --faults P1 --contingencies some.toml",
-    "screen mixed --subsystems grid.sub", "screen mixed --out s.txt", "screen mixed --faults P3",
-    "study mixed --subsystems grid.sub", "study mixed some.txt", "study mixed a.toml b.toml", "study mixed --clear 0cyc",
+    "simulate two_area --pmu-rate 30", "simulate two_area --estimator kalman",
+    "simulate two_area --controller x.toml", "clearing-time mixed --fault 30 --at 2s",
+    "screen mixed --faults P1 --contingencies some.toml", "screen mixed --subsystems grid.sub",
+    "screen mixed --out s.txt", "screen mixed --faults P3", "study mixed --subsystems grid.sub",
+    "study mixed some.txt", "study mixed a.toml b.toml", "study mixed --clear 0cyc",
     "design pod mixed --rank --damping 0.2", "design pod mixed --fault 30", "design law two_area",
     "design law two_area --fault 7 --from-screen 3", "design law two_area --from-screen 3 --trip 7-8",
-    "design tune mixed --stages 2 --damper deviation:7,order:7@20", "design tune mixed --damper deviation:7", "design tune mixed --dyr-out x.dyr",
-    "design tune mixed --machine 7 --levels 1,x", "estimate two_area --fault 7 --estimator ideal --pmu-rate 30",
-    "estimate two_area --fault 7 --estimator frequency --engine filterpy", "estimate mixed --fault 30 --clear 3cyc --observe 0.04",
-    "modes mixed --controller one.toml --sensitivity", "modes mixed --controller one.toml --sparse", "simulate two_area --controller law.toml", "simulate two_area --storage 9MW --controller law.toml --deadband 20mHz", "simulate two_area --storage 9MW --controller law.toml --controller law.toml", "weak-grid mixed --converter 7 --scr 1,x",
-    "place two_area --seed 3", "sweep run runs.toml --out x.db --workers 2 --scheduler y", "verify nothing",
+    "design tune mixed --stages 2 --damper deviation:7,order:7@20", "design tune mixed --damper deviation:7",
+    "design tune mixed --dyr-out x.dyr", "design tune mixed --machine 7 --levels 1,x",
+    "estimate two_area --fault 7 --estimator ideal --pmu-rate 30",
+    "estimate two_area --fault 7 --estimator frequency --engine filterpy",
+    "estimate mixed --fault 30 --clear 3cyc --observe 0.04", "modes mixed --controller one.toml --sensitivity",
+    "modes mixed --controller one.toml --sparse", "simulate two_area --controller law.toml",
+    "simulate two_area --storage 9MW --controller law.toml --deadband 20mHz",
+    "simulate two_area --storage 9MW --controller law.toml --controller law.toml",
+    "weak-grid mixed --converter 7 --scr 1,x", "place two_area --seed 3",
+    "sweep run runs.toml --out x.db --workers 2 --scheduler y", "verify nothing",
     "linearize mixed --inputs storage --outputs speed --out m.txt", "sweep show none.db",
 )  # fmt: skip
 
@@ -605,13 +637,383 @@ COMMANDS = {
         SECOND.format("lqg") + "--input deviation,flow:2-5 --rate 50 --delay 40ms --order 8 --noise 1.5"
         " --disturbance 7MW --speed 0.1 --effort 0.8",
     ),
-    "design pod --rank": command(SECOND.format("pod") + "--rank --input deviation,flow:2-5 --output order,vs --delay 80ms"),
+    "design pod --rank": command(
+        SECOND.format("pod") + "--rank --input deviation,flow:2-5 --output order,vs --delay 80ms"
+    ),
     "design optimum": command(
         "design optimum two_area --classical --fault 7 --trip 7-8 --storage-at 1=40MW,4=30MW --window 1s --rate 20"
-        " --iterations 2 --resolution 1cyc --observe 2 --longest 0 --energy 4kWh --out schedule.csv --plot schedule.png",
+        " --iterations 2 --resolution 1cyc --observe 2 --longest 0 --energy 4kWh --out schedule.csv"
+        " --plot schedule.png",
         "schedule.csv", page=True,
     ),
 }  # fmt: skip
 STUDIES |= COMMANDS
 SLOW |= {"design optimum", "swings"}
 LOOSE |= dict.fromkeys(COMMANDS, 1e-3)
+
+
+@recorded("categories of contingencies")
+def _():
+    case = st.read_psse(GIVEN / "five.raw", GIVEN / "five.dyr", missing="injection", missing_controls="fixed")
+    found = {}
+    for word in ("P1", "p2@8cyc", "P4", "P5@9cyc", "P6", "P7@70ms"):
+        found[word] = [
+            f"{c.label}; fault at {c.fault} at {c.at}, {c.impedance:.6f}, {c.clear}; before {[*map(str, c.events)]}; "
+            f"out {c.trip}, {[*map(str, c.after)]}"
+            for c in categories(case, word)
+        ]
+    wrong = ("P3", "P8", "P1@0cyc", "P1@x")
+    return found | {word: refused(lambda _, word=word: categories(case, word), None) for word in wrong}
+
+
+@recorded("power is shifted", loose=1e-4)
+def _():
+    point, search, found = second_point(), Search(1.0, 100.0, 2.0), {}
+    lost = [
+        st.Contingency("2", clear="19cyc"),
+        st.Contingency("5", clear="32cyc"),
+        st.Contingency("2-3#1@0.3", clear="40cyc"),
+        st.Contingency("4-5", clear="3cyc"),
+    ]
+    full = point.case.set({"machines.23.base": 81.0, "machines.24.base": 74.0}).initialize()
+    calls = {
+        "one": lambda: redispatch(point, lost[:1], search),
+        "several": lambda: redispatch(point, lost, search),
+        "after another": lambda: redispatch(
+            point, lost[:1], search, tried=[point.case.set("machines.24.p", 160.0).initialize()]
+        ),
+        "with a law": lambda: redispatch(point, lost[1:2], search, control=st.BangBang("20mHz")),
+        "full": lambda: redispatch(full, [st.Contingency("5", clear="60cyc")], search),
+        "not lost": lambda: redispatch(point, lost[3:], search),
+        "in vain": lambda: redispatch(point, [st.Contingency("2", clear="400cyc"), lost[1]], search),
+    }
+    for name, call in calls.items():
+        try:
+            found[name] = call()
+        except st.StabctlError as error:
+            found[name] = str(error)
+    return found
+
+
+@in_folder("a study with remedies", slow=True, loose=1e-3)
+def _(folder):
+    faults = [
+        st.Contingency("2", name="=first"),
+        st.Contingency("5", trip="5-2"),
+        st.Contingency("3-5@0.2", clear="4cyc"),
+    ]
+    options = {"observe": "1.5s", "resolution": "1cyc", "longest": 0.0, "limit": "40cyc", "workers": 1}
+    options |= {"prices": GIVEN / "prices.toml"}
+    found = second_point().study(
+        "19cyc", faults=faults, worst=2, damping=0.12, voltages=(0.99, 1.02), remedies="redispatch", **options
+    )
+    base = st.load("two_area").initialize()
+    stored = base.study("32cyc", faults=[st.Contingency("9", trip="8-9")], worst=0, remedies="storage", **options)
+    judged = second_point().study("19cyc", faults=faults, worst=2, criteria=GIVEN / "criteria.toml", **options)
+    tuned = second_point().study("17cyc", faults=faults[:1], worst=0, damping=0.12, remedies="stabilizers", **options)
+    found.save(folder / "study.xlsx")
+    found.save(folder / "study.csv")
+    sheets = pd.read_excel(folder / "study.xlsx", sheet_name=None)
+    (last,) = tuned.remedies
+    return {
+        "says": found.remarks(),
+        "secure": found.secure,
+        "remedies": found.remedies,
+        "tables": {name: frame.head(3) for name, frame in found.tables().items()},
+        "table": (folder / "study.csv").read_text(encoding="utf-8").splitlines(),
+        "sheets": {name: [list(frame.columns), list(frame.shape)] for name, frame in sheets.items()},
+        "cell": str(sheets["contingencies"].iloc[:, 0].tolist()),
+        "contributions": found.contributions(found.modes.least_damped()[0]).df.head(3),
+        "rows": [one.rows() for one in found.remedies],
+        "stored": stored.remarks(),
+        "ratings": [one.rows() for one in stored.remedies],
+        "judged": [judged.remarks(), judged.tables()["violations"].head(4)],
+        "tuned": [last.solves, last.price, last.verdict, last.after.lost, last.after.margin, last.before],
+    }
+
+
+RULES = """title = "of every kind"
+source = "a test"
+unverified = "all of it"
+
+[[voltage]]
+name = "returns"
+below = 0.93
+recover = "0.1s"
+since = "clearing"
+
+[[voltage]]
+name = "slow return"
+below = 0.6
+recover = "40ms"
+kv = [100, 120]
+
+[[voltage]]
+name = "after recovery"
+below = 1.01
+since = "recovery"
+recovered = 0.98
+longest = "20ms"
+
+[[frequency]]
+name = "total"
+above = 50.02
+longest = "60ms"
+total = true
+
+[[angle]]
+name = "close"
+separation = "20deg"
+
+[[angle]]
+name = "far"
+separation = 2.9
+
+[[swings]]
+name = "decays"
+must = "decay"
+"""
+NO_RULES = {
+    "none": 'title = "x"',
+    "both": 'title = "x"\n[[voltage]]\nname = "a"\nbelow = 0.9\nabove = 1.1',
+    "neither": 'title = "x"\n[[frequency]]\nname = "a"',
+    "recovery": 'title = "x"\n[[voltage]]\nname = "a"\nbelow = 0.9\nrecovered = 0.95',
+    "recover": 'title = "x"\n[[voltage]]\nname = "a"\nabove = 1.1\nrecover = "1s"',
+    "kv": 'title = "x"\n[[voltage]]\nname = "a"\nabove = 1.1\nkv = [110, 100]',
+    "time": 'title = "x"\n[[voltage]]\nname = "a"\nabove = 1.1\nlongest = "5Hz"',
+    "angle": 'title = "x"\n[[angle]]\nname = "a"\nseparation = "0deg"',
+    "key": 'title = "x"\n[[angle]]\nname = "a"\nseparatin = "9deg"',
+    "hertz": 'title = "x"\nfrequency_hz = 60\n[[swings]]\nname = "a"\nmust = "decay"',
+    "area": 'title = "x"\n[[voltage]]\nname = "a"\nabove = 1.1\nareas = [7]\nkv = [100, 400]',
+}
+
+
+@in_folder("criteria of every kind", loose=1e-5)
+def _(folder):
+    path = folder / "rules.toml"
+    path.write_text(RULES.replace("separation = 2.9", 'separation = "2.9"'), encoding="utf-8")
+    rules = refused(lambda _: st.criteria(path), None)
+    path.write_text(RULES.replace("separation = 2.9", 'separation = "95deg"'), encoding="utf-8")
+    fault, short = st.Contingency("2-3#1@0.3", clear="9cyc", trip="2-3#1", at=0.1), second_point()
+    runs = {
+        "run": short.simulate(fault, "1.4s"),
+        "short": short.simulate(fault, "0.3s"),
+        "lost": short.simulate(st.Contingency("5", clear="33cyc", at=0.1), "2s"),
+        "long": short.simulate(fault, "4s"),
+        "islands": mixed_point().simulate(["30-40#1@0.1s", "30-40#2@0.2s", "1002-1003#1@0.3s"], "1s"),
+    }
+    every = {name: run.judge(path) for name, run in runs.items()}
+    found = {name: [str(one), [tuple(v)[:4] for v in one.violations], one.unstable] for name, one in every.items()}
+    found |= {"a number": rules, "criteria": st.criteria(path), "table": every["lost"].df}
+    for name, text in NO_RULES.items():
+        path.write_text(text, encoding="utf-8")
+        found[f"no rules, {name}"] = refused(lambda _: runs["short"].judge(path), None)
+    found["not recorded"] = refused(lambda _: short.simulate(fault, "0.3s", record=False).judge("entso-e"), None)
+    return found
+
+
+GRID = """kind = "simulate"
+case = "second"
+fault = { text = "2-3#1@{}", from = 0.25, to = 0.75, count = 2 }
+clear = "5cyc"
+at_s = "60ms"
+until_s = "0.4s"
+fault_r_pu = 0.002
+fault_x_pu = 0.004
+
+[[job]]
+trip = "2-3#1"
+
+[job.set]
+"pss.21.K" = [4.0, 9.0]
+tgov = { "24" = { K = 14.5 } }
+
+[[job]]
+fault = "5"
+clear = "34cyc"
+until_s = 2
+max_angle_rad = 2.0
+
+[job.set]
+"loads.2.p" = { from = 150, to = 160, step = 10.0 }
+
+[[job]]
+case = "two_area"
+fault = "7"
+storage = "30MW"
+storage_energy_mwh = 0.01
+lag_s = "20ms"
+deadband_hz = "30mHz"
+
+[[job]]
+case = "two_area"
+machines = "classical"
+fault = "9"
+storage = "30MW"
+estimator = "frequency"
+pmu_rate = 50
+seed = 3.0
+until_s = 1
+"""
+TIMES = """kind = "clearing-time"
+case = "second"
+fault = ["2", 5]
+resolution = "1cyc"
+observe_s = 1
+longest_s = 0
+limit = "40cyc"
+scan = 0
+coi = "machines"
+"""
+NO_SWEEP = {
+    "job": "job = 3",
+    "kind": 'kind = "run"',
+    "no kind": 'case = "second"',
+    "no case": 'kind = "simulate"\nclear = "3cyc"\ncase = "third"',
+    "grid": GRID.replace("count = 2", "step = -0.1"),
+    "grid's text": GRID.replace("2-3#1@{}", "2-3#1"),
+    "both": GRID.replace("count = 2", "count = 2, step = 0.1"),
+    "set": GRID.replace('"pss.21.K"', '"pss.22.K"'),
+    "set a text": GRID.replace("seed = 3.0", 'set = "x"'),
+    "classical": GRID.replace("seed = 3.0", 'set = {"pss.1.K" = 9}'),
+    "late": GRID.replace('until_s = "0.4s"', 'until_s = "0.1s"'),
+    "no bus": GRID.replace('fault = "9"', 'fault = "99"'),
+    "trip": GRID.replace('trip = "2-3#1"', 'trip = "2-3#7"'),
+    "storage": GRID.replace('storage = "30MW"\nest', 'storage = "30"\nest'),
+    "no effect": TIMES.replace("scan = 0", "lag_s = 0.1"),
+    "rate": GRID.replace("pmu_rate = 50", "pmu_rate = 61"),
+    "unit": GRID.replace('"30mHz"', '"30s"'),
+    "controller": GRID.replace("pmu_rate = 50", 'pmu_rate = 50\ncontroller = "none.toml"'),
+    "limit": TIMES.replace("40cyc", "0.5cyc"),
+    "key": TIMES.replace("scan", "scam"),
+    "cycles": GRID.replace('"60ms"', '"3cyc"'),
+}
+
+
+OUTCOME = [f.column for f in fields(Result).values()]
+
+
+@in_folder("jobs of sweeps", loose=1e-4)
+def _(folder):
+    path, found = folder / "jobs.toml", {}
+    for name, text in {"runs": GRID, "times": TIMES}.items():
+        path.write_text(text, encoding="utf-8")
+        for k, task in enumerate(tasks_of(read_study(path), path)):
+            row = run_task(task)
+            given = {key: value for key, value in task.job.given().items() if value not in (None, "", 0.0)}
+            found[f"{name}, job {k}"] = [
+                ", ".join(f"{key}={given[key]}" for key in ("case", "fault", "trip", "clear", "set") if key in given),
+                row.about.status, row.about.message,
+                {key: v for key, v in row.values.items() if key in OUTCOME and v is not None},
+            ]  # fmt: skip
+    for name, text in NO_SWEEP.items():
+        path.write_text(text, encoding="utf-8")
+        found[f"no sweep, {name}"] = refused(lambda _: tasks_of(read_study(path), path), None)
+    found["comma"] = refused(lambda _: st.run_sweep(path, folder / "x.db", controllers=["a,b.toml"]), None)
+    found["both"] = refused(lambda _: st.run_sweep(path, folder / "x.db", workers=1, scheduler="x"), None)
+    return found
+
+
+WRONG_CASES = {
+    "row": lambda c: replace(c, buses=(*c.buses, 3)),
+    "model": lambda c: replace(c, devices={**c.devices, "sexx": {}}),
+    "no buses": lambda c: replace(c, buses=()),
+    "name": lambda c: replace(c, name="a\nb"),
+    "title": lambda c: replace(c, title="a\x07"),
+    "no swing bus": lambda c: c.set("buses.3.kind", "pv"),
+    "no machine": lambda c: c.set("buses.5.kind", "pv"),
+    "scheduled": lambda c: c.set("buses.4.kind", "pq"),
+    "no impedance": lambda c: c.set({"branches.5-2.r": 0.0, "branches.5-2.x": 0.0}),
+    "one bus": lambda c: replace(c, branches=(*c.branches, c.branches[0]._replace(to_bus=1))),
+    "shares": lambda c: c.set("loads.2.q_power", 0.7),
+    "key": lambda c: replace(c, devices={**c.devices, "pss": {"x": c.devices["pss"][21]}}),
+    "load": lambda c: with_rows(c, "cim", 4),
+    "owner": lambda c: with_rows(c, "sexs", 29),
+    "two": lambda c: with_rows(c, "sexs", 21),
+    "exciter": lambda c: with_rows(c, "sexs", 23),
+    "of a converter": lambda c: with_rows(c, "reec_b", 21),
+    "stabilizer": lambda c: replace(c.without_device("ieeet1", 22), devices=moved(c, "pss", 21, 22, "ieeet1")),
+    "limits": lambda c: c.set({"pss.21.Vmin": 0.3}),
+    "storage": lambda c: stored(c, 0, machine=29),
+    "small converter": lambda c: stored(c, 0, mva=3.0),
+    "store": lambda c: replace(
+        c, storage=(c.storage[0]._replace(storage_model="supercap_regc", energy=0.0, lag=0.0, ramp=0.0),)
+    ),
+    "characteristic": lambda c: stored(c, 1, storage_model="regc", lag=0.0, ramp=0.0),
+    "two swing buses": lambda c: c.set("buses.4.kind", "swing"),
+    "island": lambda c: replace(c, branches=c.branches[:-3]),
+    "path": lambda c: c.set(3, 4),
+    "no path": lambda c: c.set("pss", 4),
+    "part of a path": lambda c: c.set("pss..K", 4),
+    "unit": lambda c: c.set("storage.21.rating", "5kV"),
+    "share of MVA": lambda c: c.set("machines.24.p", "31%mva").machine(24),
+    "text": lambda c: c.set("machines.24.bus", "4 "),
+    "no parameter": lambda c: c.with_device("sexs", 22, KX=3.0),
+    "needs": lambda c: c.without_device("ieeet1", 22).with_device("sexs", 22),
+    "another exciter": lambda c: c.with_device("sexs", 22, TR=0.0, KA=70.0, TA=0.03).devices["sexs"],
+    "no device": lambda c: c.without_device("tgov", 22),
+    "column of a load": lambda c: c.with_load(2, 30, q_powr=0.3),
+    "two loads": lambda c: c.with_load(2, 30, id="n").with_load(2, 40),
+    "parts": lambda c: c.with_load(2, 30, id="m").loads,
+    "tripped": lambda c: c.trip_machine(24).buses[3],
+    "the only one": lambda c: c.trip_machine(23),
+    "classical": lambda c: replace(
+        c, devices={"regc_a": {m.machine: tables.parameters("regc_a") for m in c.machines}}
+    ).classical(),
+    "fleet": lambda c: c.with_storage(["9MW"]),
+    "place": lambda c: c.with_storage("x=9MW"),
+    "no size": lambda c: c.with_storage("21=9MW,22"),
+    "twice": lambda c: c.with_storage("21=9MW,21@1=5MW,21=3MW"),
+    "large": lambda c: c.with_storage("2e9MW"),
+    "energy": lambda c: c.with_storage("9MW", storage_model="supercap_regc"),
+    "voltage": lambda c: c.with_storage("9MW", mva="0.8pu"),
+    "mva": lambda c: c.with_storage("9MW", mva="50%", storage_model="regc"),
+    "option": lambda c: c.with_storage("9MW", lagg="3ms"),
+    "no branch": lambda c: st.Contingency("4-2", clear="3cyc").check(c),
+    "no bus": lambda c: st.Contingency("4-9", clear="3cyc").check(c),
+    "no circuit": lambda c: st.Contingency("2-3 ckt 9", clear="3cyc").check(c),
+    "location": lambda c: st.Contingency("2-3-5-7", clear="3cyc").check(c),
+    "at a circuit": lambda c: c.simulate(["2-3@0.4@1s"], "1s"),
+    "spread": lambda c: st.replicate(c, 2, spread=12.0),
+    "no converter": lambda c: replace(c, storage=()).short_circuit_ratio(),
+    "no models": lambda c: replace(c, devices={}).short_circuit(),
+    "typical": lambda c: c.with_typical_machines(),
+}
+
+
+def stored(case, k, **values):
+    """The case with one storage device, some values of which are others."""
+    return replace(case, storage=(case.storage[k]._replace(**values),))
+
+
+def converters(case):
+    """A converter in place of every machine."""
+    return {m.machine: tables.parameters("regc_a") for m in case.machines}
+
+
+def moved(case, model, old, new, without):
+    """The devices with a row of a model also at another key, which loses a row of a further model."""
+    rows_of = {name: dict(table) for name, table in case.devices.items()}
+    rows_of[without].pop(new)
+    rows_of.setdefault(model, {})[new] = rows_of[model][old]
+    return rows_of
+
+
+def with_rows(case, model, key):
+    """The case with a row of a model at a key."""
+    needed = {"TR": 0.01, "KA": 70.0, "TA": 0.02} if model == "sexs" else {}
+    return replace(case, devices={**case.devices, model: {key: tables.parameters(model, **needed)}})
+
+
+@recorded("wrong cases and edits")
+def _():
+    def told_of(change):
+        try:
+            found = change(second())
+        except st.StabctlError as error:
+            return str(error)
+        except TypeError as error:
+            return type(error).__name__
+        return str(found)
+
+    return {name: told_of(change) for name, change in WRONG_CASES.items()}
