@@ -27,6 +27,7 @@ from recordings import (  # noqa: F401, they add their studies
     designs,
     devices_and_laws,
     features,
+    files_and_commands,
     linear,
     one_machine,
     outcomes,

@@ -14,6 +14,7 @@ from stabctl._util.errors import StabctlError
 from stabctl.dynamics.rows import load_rows
 from stabctl.estimation._network_model import NetworkModel
 from stabctl.model.tables import Load
+from stabctl.simulation.outcome import Stalled
 from stabctl.simulation.timeline import timeline
 from stabctl.simulation.topology import stage
 
@@ -225,3 +226,16 @@ def test_a_command_takes_a_share(shared, plain, tmp_path, stabctl):
     assert code == 0
     assert json.loads(out)["max_angle_from_coi_deg"] == alike.max_angle_from_coi_deg
     assert json.loads(out)["stalled"] == []
+
+
+@pytest.mark.parametrize(
+    ("buses", "slip", "says"),
+    [
+        ((), (), ""),
+        ((2,), (1.0,), "The motor load at bus 2 has stalled, with a slip of 100 %."),
+        ((2, 5, 7), (0.61, 1.0, 0.43), "The motor loads at buses 2, 5 and 7 have stalled, with a slip of 43 to 100 %."),
+        ((2, 5), (0.999, 1.0), "The motor loads at buses 2 and 5 have stalled, with a slip of 100 %."),
+    ],
+)
+def test_the_slips_of_several_motors_are_from_the_least_to_the_largest(buses, slip, says):
+    assert str(Stalled(buses, slip)) == says
