@@ -233,8 +233,8 @@ def test_a_command_takes_a_share(shared, plain, tmp_path, stabctl):
     [
         ((), (), ""),
         ((2,), (1.0,), "The motor load at bus 2 has stalled, with a slip of 100 %."),
-        ((2, 5, 7), (0.61, 1.0, 0.43), "The motor loads at buses 2, 5 and 7 have stalled, with a slip of 43 to 100 %."),
-        ((2, 5), (0.999, 1.0), "The motor loads at buses 2 and 5 have stalled, with a slip of 100 %."),
+        ((2, 5, 7), (0.61, 1.0, 0.43), "The motor loads at buses 2, 5, 7 have stalled, with a slip of 43 to 100 %."),
+        ((2, 5), (0.999, 1.0), "The motor loads at buses 2, 5 have stalled, with a slip of 100 %."),
     ],
 )
 def test_the_slips_of_several_motors_are_from_the_least_to_the_largest(buses, slip, says):
