@@ -112,10 +112,6 @@ class Controller:
             object.__setattr__(self, "tracking", duration("tracking", self.tracking))
         self._check()
 
-    def new_law(self) -> Callable[..., Any]:
-        """The law as at the start: a new instance if it is a class."""
-        return self.law() if isinstance(self.law, type) else self.law  # type: ignore[return-value]
-
     def _shape(self, key: str) -> tuple[int | None, int | None]:
         """Shape of a matrix; None where the names are kinds, whose number depends on the case."""
         n = len(np.atleast_2d(np.asarray(self.A, float))) if np.size(self.A) else 0

@@ -67,6 +67,12 @@ def checked_law(law: Any, states: bool) -> Callable[..., Any]:
     return law
 
 
+def at_start(law: Callable[..., Any]) -> Callable[..., Any]:
+    """The law as at the start of a run: a new instance if it is a class."""
+    new: Callable[..., Any] = law() if isinstance(law, type) else law
+    return new
+
+
 def answer(
     law: Callable[..., Any], seen: Seen, x: np.ndarray, outputs: int, name: str
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -53,6 +53,9 @@ def with_load_level(case: Case, level: float) -> Case:
 def with_loads(case: Case, kind: Loads) -> Case:
     """The case with every load of one kind; the power that each draws at its power-flow voltage stays the same.
 
+    A load of this kind stays as it is. The others have the usual `v_low` of their new kind, 0.7 pu for constant power
+    and 0.5 pu otherwise, unless theirs is neither of the two.
+
     Parameters
     ----------
     case : Case
@@ -80,19 +83,12 @@ def with_loads(case: Case, kind: Loads) -> Case:
     power, current = _SHARES[kind]
 
     def changed(load: Load) -> Load:
-        if load.kind != "load":
+        of_kind = load._replace(p_power=power, q_power=power, p_current=current, q_current=current, v=0.0)
+        if load.kind != "load" or load == of_kind:
             return load
         S = zip_load.drawn(load, size.get(load.bus, 1.0))
-        return load._replace(
-            p=S.real,
-            q=S.imag,
-            p_power=power,
-            q_power=power,
-            p_current=current,
-            q_current=current,
-            v_low=LOW[kind],
-            v=0.0,
-        )
+        low = LOW[kind] if load.v_low in LOW.values() else load.v_low
+        return of_kind._replace(p=S.real, q=S.imag, v_low=low)
 
     return replace(case, loads=tuple(changed(load) for load in case.loads))
 

@@ -87,8 +87,8 @@ class Arrays:
 
     @cached_property
     def order(self) -> np.ndarray:
-        """Orders of the storage devices (rows, devices), in ratings, positive when absorbing."""
-        return _fixed(self._rows[:, self._storage.order])
+        """Orders of the storage devices (rows, devices), in ratings, positive when absorbing: in sum from -1 to 1."""
+        return _fixed(np.clip(self._rows[:, self._storage.order], -1.0, 1.0))
 
     @cached_property
     def _storage(self) -> Places:

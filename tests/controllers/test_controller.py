@@ -60,6 +60,16 @@ def test_every_input_has_its_own_gain_to_every_output(base, rate):
     assert np.abs(orders - wanted).max() < 1e-6 + 1.5 * moved
 
 
+def test_orders_of_two_controllers_are_limited_in_sum(base):
+    gives = {"one": lambda seen: 0.7, "other": lambda seen: 0.8}
+    each = {"inputs": "deviation:1", "outputs": "order:1@5", "rate": 60}
+    two = [st.Controller.from_function(law, name=name, **each) for name, law in gives.items()]
+    run = base.simulate(until="0.5s", control=two)
+    assert order(run).max() == 1.0
+    assert run.dataset.storage_order.values.max() == 1.0
+    assert run.arrays.storage[:, 0].max() == pytest.approx(50.0, rel=1e-9)
+
+
 def test_a_gain_at_frames_is_the_python_function(base):
     """Matrices and Python function give the same orders, as far as the voltages are iterated (1e-7 pu)."""
     gain = control.ss([], [], [], [[300.0]])

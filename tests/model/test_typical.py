@@ -206,3 +206,15 @@ def test_a_raw_file_without_dynamic_data_takes_them():
     assert case.initialize().case.name.endswith("with typical machines")
     assert np.allclose(abs(case.power_flow().V), abs(st.read_psse(raw).power_flow().V))
     assert replace(case, notes=()) == case
+
+
+@pytest.mark.parametrize("kind", ["impedance", "current", "power"])
+def test_loads_that_are_of_a_kind_stay_and_a_lowest_voltage_of_their_own_is_kept(cases, kind):
+    case = cases("two_area")
+    own = replace(case, loads=(case.loads[0]._replace(v_low=0.3), *case.loads[1:]))
+    once = own.with_loads(kind)
+    assert once.with_loads(kind).loads == once.loads
+    assert once.loads[0].v_low == 0.3
+    assert [load.v_low for load in once.loads[1:]] == [{"power": 0.7}.get(kind, 0.5)] * (len(case.loads) - 1)
+    mine = replace(once, loads=tuple(load._replace(v_low=0.5) for load in once.loads))
+    assert mine.with_loads(kind).loads == mine.loads

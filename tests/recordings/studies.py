@@ -431,7 +431,7 @@ LOOSE |= dict.fromkeys(("clearing-time", "screen", "study", "estimate", "simulat
 
 def prepared(folder):
     """The files that the commands read, in this folder."""
-    for file in GIVEN.iterdir():
+    for file in filter(Path.is_file, GIVEN.iterdir()):
         shutil.copy(file, folder)
     st.write(mixed(), folder / "mixed")
     st.write(second(), folder / "second")
