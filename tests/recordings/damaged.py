@@ -92,7 +92,7 @@ def study(name, read):
     def found(folder):
         there = Path(folder) / "damaged"
         there.mkdir(exist_ok=True)
-        for file in GIVEN.iterdir():
+        for file in filter(Path.is_file, GIVEN.iterdir()):
             (there / file.name).write_bytes(file.read_bytes())
         whole = (there / name).read_text(encoding="utf-8")
         return {what: told(read, there / name, text) for what, text in damaged(whole)}
