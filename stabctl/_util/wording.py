@@ -56,7 +56,7 @@ def numbered(names: Iterable[int | str]) -> list[int | str]:
 
 def number(value: float, digits: int) -> str:
     """Format a number with so many decimals; zero has no sign."""
-    return f"{round(value, digits) + 0.0:.{digits}f}"
+    return f"{value:z.{digits}f}"
 
 
 def together(sentences: Iterable[str]) -> list[str]:

@@ -110,7 +110,7 @@ class Remedy:
         named = {
             "contingencies not survived": [f"{s.lost}" for s in states],
             "smallest margin (cycles)": [s.margin or "-" for s in states],
-            "least damping ratio": [_or_dash(s.damping_ratio, ".4f") for s in states],
+            "least damping ratio": [_or_dash(s.damping_ratio, "z.4f") for s in states],
             "contingencies that violate criteria": [_or_dash(s.violating, "d") for s in states],
             "voltages outside": [f"{s.voltages}" for s in states],
         }

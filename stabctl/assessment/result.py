@@ -395,7 +395,7 @@ def _cycles(number: float) -> str:
 
 def _named(found: Modes, k: int) -> str:
     """Frequency, damping ratio and name of a mode."""
-    return f"{found.frequency_hz[k]:.3f} Hz, damping ratio {found.damping_ratio[k]:.4f} ({found.label(k)})"
+    return f"{found.frequency_hz[k]:.3f} Hz, damping ratio {found.damping_ratio[k]:z.4f} ({found.label(k)})"
 
 
 def _undamped(found: Contributions | None) -> str:

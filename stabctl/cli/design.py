@@ -243,7 +243,7 @@ def show(found: "Design", files: Files, as_json: bool) -> None:
     few = modes.groupby("controllers")["damping_ratio"].rank(method="first") <= SHOWN
     left = int((~few).sum())
     for what, _, hz, ratio, mode in modes[few].to_numpy().tolist():
-        table.add_row(what, f"{hz:.4f}", f"{ratio:.4f}", mode)
+        table.add_row(what, f"{hz:.4f}", f"{ratio:z.4f}", mode)
     out_console.print(table)
     if left:
         out_console.print(f"{counted(left, 'mode')} with more damping left out; --report shows all.")

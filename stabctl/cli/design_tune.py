@@ -209,7 +209,7 @@ def _show(found: "Tuned", written: Sequence[Path], as_json: bool) -> None:
     out = shared.console()
     networks = Table("network", "without", "with", "Hz", "mode")
     for name, before, after, hz, mode in found.worst.sort_values("after").head(SHOWN).to_numpy().tolist():
-        networks.add_row(name, f"{before:.4f}", f"{after:.4f}", f"{hz:.4f}", mode)
+        networks.add_row(name, f"{before:z.4f}", f"{after:z.4f}", f"{hz:.4f}", mode)
     out.print(networks)
     table = Table("controller", "parameters")
     for name, rows in found.parameters.groupby("device", sort=False):
@@ -219,7 +219,7 @@ def _show(found: "Tuned", written: Sequence[Path], as_json: bool) -> None:
     if found.robustness:
         holds = Table("with", "worst damping", "Hz", "where")
         for what, ratio, hz, where in found.holds.to_numpy().tolist():
-            holds.add_row(what, f"{ratio:.4f}", f"{hz:.3f}", where)
+            holds.add_row(what, f"{ratio:z.4f}", f"{hz:.3f}", where)
         out.print(holds)
     out.print(str(found))
     for path in written:

@@ -116,7 +116,7 @@ def feedback(
             "stable" if r.stable else "unstable",
             f"{r.min_angle:.3f} to {r.peak_angle:.3f}",
             f"{r.min_speed:.3f} to {r.max_speed:.3f}",
-            "-" if math.isnan(r.damping) else f"{r.damping:.3f}",
+            "-" if math.isnan(r.damping) else f"{r.damping:z.3f}",
         )
         for r in found.responses
     ]

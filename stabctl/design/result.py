@@ -199,11 +199,11 @@ class Design:
             return "\n".join(filter(None, [*self.remarks, missed]))
         several = f" at {len(self.before)} operating points" if len(self.before) > 1 else ""
         text = f"{counted(len(self.controllers), 'controller')}: smallest damping ratio of {SLOW:g} to {FAST:g} Hz"
-        found = f"{self.worst_before:.4f} without, {self.worst_after:.4f} with{several}"
+        found = f"{self.worst_before:z.4f} without, {self.worst_after:z.4f} with{several}"
         if not self.short:
             return "\n".join([f"{text}: {found}.", *self.remarks])
         (ratio, k), modes = min(((least(m), m) for m in self.after), key=lambda pair: pair[0][0])
-        where = f"{ratio:.4f} at {modes.frequency_hz[k]:.3f} Hz ({modes.label(k)}), short by up to {self.short:.4f}"
+        where = f"{ratio:z.4f} at {modes.frequency_hz[k]:.3f} Hz ({modes.label(k)}), short by up to {self.short:.4f}"
         return "\n".join([f"{text}: {found}; the required damping is not reached: {where}.", *self.remarks])
 
     __repr__ = __str__

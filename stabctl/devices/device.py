@@ -124,7 +124,7 @@ class Device:
     current_limit: str = _constant("CURRENT_LIMIT", "", "parameter that limits the current of storage, pu on its MVA")
     named_loops: Mapping[str, Collection[str]] = _constant("LOOPS", {}, "control loop -> states; modes are named so")
     controls: Collection[str] | None = _constant(
-        "CONTROLS", None, "roles of the controls that a unit may have beside it; without it, any"
+        "CONTROLS", None, "roles of the controls that a unit may have beside it; without it, all of its kind"
     )
     dyr: Mapping[str, str] = _constant(
         "DYR", {}, "PSS/E record -> its constants in order: parameters, `_name` ignored, `+name` integer, `'name` text"

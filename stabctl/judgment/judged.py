@@ -193,13 +193,13 @@ class _Seen:
         below = spells(self.time, place.excess, place.held)
         limit = f"it must recover within {rule.recover} of the fault, {place.told}"
         for fault, cleared in self.faults:
-            until = next((b for a, b in below if a <= cleared + SLACK < b), cleared)
+            until = max((b for a, b in below if a <= cleared + SLACK and b > fault), default=fault)
             if until - fault > allowed + SLACK:
                 late = fault + allowed
                 later = [np.interp(late, self.time, place.values), *place.values[self.time >= late]]
                 yield Violation(rule.name, place.name, late, float(np.nanmin(later)), place.unit, limit)
                 return
-            if cleared < until >= end - SLACK:
+            if fault < until >= end - SLACK:
                 yield f"{rule.name}: {place.name} has not recovered when the run ends at {end:.3f} s; simulate longer."
 
     def _frequency(self, rule: Frequency) -> "Iterator[Violation | str]":

@@ -21,6 +21,7 @@ from . import naming, tables
 from .tables import Storage, Tables
 
 LEAST_IMPEDANCE = 1e-9  # pu on 100 MVA
+CONTROLS = sum(tables.LEFT_BY.values(), ())  # roles
 
 
 class RowError(CaseError):
@@ -245,17 +246,14 @@ def _controls(case: Tables) -> None:
         role = tables.role(model)
         for i, key in enumerate(rows):
             number = naming.number(key)
-            machine = case.model(number, "machine")
-            if role == "exciter" and machine and not tables.takes(machine, role):
-                text = f"machine {number} is modeled by {machine}, which has no exciter; remove this row."
-                raise RowError(model, i, "machine", text)
-            if role in devices.OF_CONVERTER and machine:
-                text = f"machine {number} is modeled by {machine}, which has no {role}; remove this row."
+            unit = case.model(number, "machine") or case.model(number, "converter")
+            if unit and role in CONTROLS and not tables.takes(unit, role):
+                text = f"machine {number} is modeled by {unit}, which has no {role}; remove this row."
                 raise RowError(model, i, "machine", text)
             if role == "plant control" and not case.model(number, "electrical control"):
                 text = f"machine {number} has no electrical control for its plant control to act on; add one."
                 raise RowError(model, i, "machine", text)
-            if role == "stabilizer" and machine and not case.model(number, "exciter"):
+            if role == "stabilizer" and unit and not case.model(number, "exciter"):
                 text = f"machine {number} has no exciter for its stabilizer to act on; add one or remove this row."
                 raise RowError(model, i, "machine", text)
 

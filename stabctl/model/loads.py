@@ -19,6 +19,7 @@ HIGHEST = 10.0  # load level
 LOW: Mapping[str, float] = MappingProxyType({"impedance": 0.5, "current": 0.5, "power": 0.7})  # pu   v_low of a load
 _SHARES = MappingProxyType({"impedance": (0.0, 0.0), "current": (0.0, 1.0), "power": (1.0, 0.0)})
 MODEL = "cim"  # of the motors
+TYPICAL = "constant current for active, constant admittance for reactive power"  # in the note of typical loads
 
 
 def with_load_level(case: Case, level: float) -> Case:
@@ -90,7 +91,8 @@ def with_loads(case: Case, kind: Loads) -> Case:
         low = LOW[kind] if load.v_low in LOW.values() else load.v_low
         return of_kind._replace(p=S.real, q=S.imag, v_low=low)
 
-    return replace(case, loads=tuple(changed(load) for load in case.loads))
+    notes = tuple(note for note in case.notes if TYPICAL not in note)
+    return replace(case, loads=tuple(map(changed, case.loads)), notes=notes)
 
 
 def with_motors(

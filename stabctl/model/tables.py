@@ -204,9 +204,9 @@ def of_role(*roles: str) -> list[str]:
 
 
 def takes(model: str, control: str) -> bool:
-    """Whether a unit of this model may have a control of that role: any, unless its CONTROLS lists some."""
+    """Whether a unit of this model may have a control of that role: one in its CONTROLS, or any of its kind of unit."""
     allowed = models()[model].controls
-    return allowed is None or control in allowed
+    return control not in LEFT_BY[role(model)] if allowed is None else control in allowed
 
 
 def parameters(model: str, /, **values: Any) -> Any:

@@ -24,7 +24,7 @@ from stabctl.devices.machines.saturation import points
 
 from . import powerflow, tables
 from .case import Case, as_case
-from .loads import LOW
+from .loads import LOW, TYPICAL
 from .tables import Load, Machine
 
 Kind = Literal["steam", "gas", "hydro", "nuclear", "condenser", "converter"]
@@ -183,8 +183,8 @@ def _notes(case: Case, machines: int, converters: int, raised: int) -> list[str]
     typical = sum(_load(load) != load for load in case.loads)
     if typical:
         said.append(
-            f"{case.name}: {counted(typical, 'load')} of constant power in the power flow: constant current for "
-            "active, constant admittance for reactive power; --loads power keeps the power constant."
+            f"{case.name}: {counted(typical, 'load')} of constant power in the power flow: {TYPICAL}; "
+            "--loads power keeps the power constant."
         )
     return said
 

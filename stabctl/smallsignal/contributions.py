@@ -111,7 +111,7 @@ class Contributions(Tabular):
             if rows:
                 said.append(f"{verb} {listed([f'{row.name} {row.damping_ratio:+.2g}' for row in rows], SHOWN)}")
         what = "; ".join(said) or "no control changes it"
-        ratio = f"damping ratio {m.damping_ratio:.4f}"
+        ratio = f"damping ratio {m.damping_ratio:z.4f}"
         return f"{self.name}: {m.frequency_hz:.3f} Hz ({m.label}), {ratio}: {what}, per 1 % of its effect."
 
 

@@ -98,8 +98,8 @@ class Mode:
         return -self.eigenvalue.real / size if size else 1.0
 
     def __str__(self) -> str:
-        s, ratio = self.eigenvalue, round(self.damping_ratio, 4) + 0.0
-        return f"{s.real:.4f} {s.imag:+.4f}j 1/s: {self.frequency_hz:.3f} Hz, damping {ratio:.4f}; {self.label}"
+        s, hz = self.eigenvalue, self.frequency_hz
+        return f"{s.real:z.4f} {s.imag:+.4f}j 1/s: {hz:.3f} Hz, damping {self.damping_ratio:z.4f}; {self.label}"
 
     __repr__ = __str__
 
@@ -330,8 +330,8 @@ class Modes(Tabular):
         counts = counted(len(self), "eigenvalue"), counted(len(self.swings()), "electromechanical mode")
         text = f"{self.linear.point.case.name}: {', '.join(counts)}"
         for k, which in zip(self.least_damped(), ("least damped", "of the electromechanical ones"), strict=False):
-            hz, ratio = self.frequency_hz[k], round(self.damping_ratio[k], 4) + 0.0
-            text += f"; {which}: {hz:.3f} Hz, damping ratio {ratio:.4f} ({self.label(k)})"
+            hz, ratio = self.frequency_hz[k], self.damping_ratio[k]
+            text += f"; {which}: {hz:.3f} Hz, damping ratio {ratio:z.4f} ({self.label(k)})"
         return text + ("." if self.stable else f"; the operating point is unstable: {self._fastest_growing()}.")
 
     def _fastest_growing(self) -> str:

@@ -42,7 +42,7 @@ class Locus:
             return text
         ratio = self.damping_ratio()[:, swings]
         best = int((ratio[-1] - ratio[0]).argmax())
-        moved = f"{ratio[0, best]:.3f} to {ratio[-1, best]:.3f}"
+        moved = f"{ratio[0, best]:z.3f} to {ratio[-1, best]:z.3f}"
         return f"{text}: the damping ratio of the mode {self.start.label(swings[best])} changes from {moved}"
 
     __repr__ = __str__

@@ -119,7 +119,7 @@ class Sensitivity(Tabular):
         m = self.mode
         text = f"{self.name}: {counted(len(self.rows), 'parameter')} of the mode {m.frequency_hz:.3f} Hz ({m.label})"
         first = [f"{row.path} {row.damping_ratio:+.2g}" for row in self.rows if row.value][:SHOWN]
-        text += f"; largest changes of its damping ratio, {m.damping_ratio:.4f}: {', '.join(first)} per 1 %" * bool(
+        text += f"; largest changes of its damping ratio, {m.damping_ratio:z.4f}: {', '.join(first)} per 1 %" * bool(
             first
         )
         left = listed([f"{one.path} ({one.reason})" for one in self.left_out], SHOWN)

@@ -59,7 +59,7 @@ class FeedbackResponse:
     def __str__(self) -> str:
         angle = f"angle {self.min_angle:.4f} to {self.peak_angle:.4f} rad"
         speed = f"speed {self.min_speed:.4f} to {self.max_speed:.4f} rad/s"
-        return f"{self.name}: {'stable' if self.stable else 'unstable'}, {angle}, {speed}, damping {self.damping:.3f}"
+        return f"{self.name}: {'stable' if self.stable else 'unstable'}, {angle}, {speed}, damping {self.damping:z.3f}"
 
 
 @dataclass(frozen=True, repr=False)

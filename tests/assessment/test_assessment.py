@@ -439,6 +439,19 @@ def test_the_worst_are_observed_as_in_the_screen(undamped):
     assert undamped.simulate(contingency, until).outcome.message == run.outcome.message
 
 
+def test_a_damping_ratio_that_is_zero_has_no_sign(undamped):
+    """Without damping the real parts are rounding, of either sign."""
+    modes = undamped.modes()
+    ratios = modes.damping_ratio[modes.swings()]
+    assert abs(ratios).max() < 1e-9
+    assert ratios.min() < 0 < ratios.max()
+    study = undamped.study("1cyc", faults=[st.Contingency("21", trip="21-22")], limit="2cyc", **ALONE)
+    for told in (study, study.remedies, *(modes.contributions(float(hz)) for hz in modes.frequency_hz[modes.swings()])):
+        assert "-0.0000" not in str(told)
+    assert "damping ratio 0.0000" in str(study)
+    assert "-0.00" not in study_page.page(study).html()
+
+
 def test_a_contingency_that_only_a_shorter_fault_loses_is_said(undamped):
     """Fault 21, trip 21-22 is survived with 6 and with 7 cycles, but not with 6.125."""
     study = undamped.study("7cyc", faults=[st.Contingency("21", trip="21-22")], **ALONE)

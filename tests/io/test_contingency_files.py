@@ -159,6 +159,27 @@ def test_machines_and_buses_of_a_subsystem(read):
     assert len(found) == 6 + 5
 
 
+def test_every_word_for_the_buses_of_a_subsystem_is_read(read):
+    every = read("SINGLE BUS IN SUBSYSTEM WEST\nEND\n", SUB)
+    for words in ("BUS IN", "bus from", "BUSES IN", "BUSES FROM"):
+        assert read(f"{words} SUBSYSTEM WEST\nEND\n", SUB) == every
+    for word in ("BUSN", "BUSNAMES", "BUSNUMBERS"):
+        with pytest.raises(StudyError, match="is not represented, because buses are given by number or name without"):
+            read(f"{word}\nEND\n", SUB)
+
+
+def test_a_machine_behind_its_transformer_is_named_where_it_is_accepted(case, tmp_path):
+    """Machine B of bus 5 is at bus 1, in the case behind the transformer."""
+    first, *others = case.machines
+    named = replace(case, machines=(first._replace(name="5/B"), *others))
+    path = tmp_path / "these.con"
+    path.write_text(block("REMOVE MACHINE B FROM BUS 5"))
+    assert read_contingencies(path, named)[0].after == (TripMachine(1, 0.0),)
+    path.write_text(block("REMOVE MACHINE 7 FROM BUS 5"))
+    with pytest.raises(StudyError, match="has no machine 7 at bus 5; it has 5/B"):
+        read_contingencies(path, named)
+
+
 def test_keywords_are_in_any_case_and_may_be_cut(read):
     whole = read(block("OPEN BRANCH FROM BUS 5 TO BUS 6 CIRCUIT 1"))
     for same in (

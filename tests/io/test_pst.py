@@ -73,6 +73,15 @@ def test_a_bus_without_a_machine_holds_its_voltage_and_is_an_impedance(written):
     assert case.buses[2].kind == "pq"
 
 
+@pytest.mark.parametrize("elsewhere", ["0 0", "0.1 0.3"])
+def test_the_voltage_is_held_whatever_is_generated_at_load_buses(written, elsewhere):
+    """The Mvar at bus 3 are those of the system with the generation at bus 4, which has no machine either."""
+    text = SMALL.replace("0.2 0.1 0 0.05 3 0 0 230", f"0.2 0.1 0 0.05 2 0 0 230; 4 1 0 {elsewhere} 0.1 0 0 0 3 0 0 230")
+    case = st.load(written(text.replace("3 1.00  5", "3 1.03  5").replace("0.04 1 0]", "0.04 1 0; 3 4 0 0.1 0 1 0]")))
+    assert [load.bus for load in case.loads if load.id == "G"] == ([3] if elsewhere == "0 0" else [4, 3])
+    assert abs(case.power_flow().V[2]) == pytest.approx(1.03, abs=1e-9)
+
+
 def test_a_swing_bus_without_a_machine_is_an_impedance_too(written):
     """PST solves the power flow with it; then the first machine that holds a voltage has the angle found."""
     text = SMALL.replace("2 1.00  0 0   0   0 0 0 0 1", "2 1.00  0 0   0   0 0 0 0 2").replace(

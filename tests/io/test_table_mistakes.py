@@ -140,10 +140,12 @@ def test_two_models_of_one_machine_and_controls_without_their_object(folder):
         folder
     )
     put(folder / "genrou.csv", [r for r in cells(folder / "genrou.csv") if r[0] != "1"])
-    assert "sexs.csv row 2, column machine: machine 1 is modeled by gencls, which has no exciter" in complaint(folder)
-    put(folder / "sexs.csv", [r for r in cells(folder / "sexs.csv") if r[0] != "1"])
-    assert "pss.csv row 2, column machine: machine 1 has no exciter for its stabilizer" in complaint(folder)
+    assert "pss.csv row 2, column machine: machine 1 is modeled by gencls, which has no stabilizer" in complaint(folder)
     put(folder / "pss.csv", [r for r in cells(folder / "pss.csv") if r[0] != "1"])
+    assert "sexs.csv row 2, column machine: machine 1 is modeled by gencls, which has no exciter" in complaint(folder)
+    put(folder / "sexs.csv", [r for r in cells(folder / "sexs.csv") if r[0] not in ("1", "2")])
+    assert "pss.csv row 2, column machine: machine 2 has no exciter for its stabilizer" in complaint(folder)
+    put(folder / "pss.csv", [r for r in cells(folder / "pss.csv") if r[0] != "2"])
     assert io.load(folder).model(1, "machine") == "gencls"
 
 

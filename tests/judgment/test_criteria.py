@@ -107,6 +107,38 @@ def test_recovery_and_what_comes_after_it(run, tmp_path, change, violated):
     assert bool(found) == violated, "the long dip before the recovery does not count"
 
 
+@pytest.mark.parametrize("clear", ["0.05s", "0.3s"])
+def test_a_level_that_is_never_crossed_is_never_violated(tmp_path, clear):
+    """Whether the fault is shorter or longer than what is allowed, 0.1 s."""
+    run = st.load("two_area").simulate(st.Contingency("7", clear=clear, impedance=0.05j), until="3s")
+    voltage, hertz = run.values("voltage"), 60 * run.values("speed")
+    levels = [
+        (kind, side, level)
+        for kind, values in (("voltage", voltage), ("frequency", hertz))
+        for side, level in (("below", values.min() - BESIDE), ("above", values.max() + BESIDE))
+    ]
+    spans = 'recover = "0.1s"', 'longest = "0.1s"', 'longest = "0.1s"\ntotal = true', ""
+    text = "".join(
+        f'[[{kind}]]\nname = "{kind} {side} {n}"\n{side} = {float(level)!r}\n{span}\n'
+        for kind, side, level in levels
+        for n, span in enumerate(spans)
+        if "recover" not in span or (kind, side) == ("voltage", "below")
+    )
+    found = run.judge(rules(tmp_path, text))
+    assert found.violations == ()
+    assert found.undecided == ()
+
+
+def test_a_level_that_is_reached_during_the_fault_has_recovered(run, tmp_path):
+    """The fault is cleared 0.1 s after its beginning, when the level has been exceeded for some time."""
+    ours = rules(tmp_path, '[[voltage]]\nname = "r"\nbelow = 0.8\nrecover = "50ms"\nbuses = "loads"\n')
+    for at, violated in ((1.05 - BESIDE, False), (1.05 + BESIDE, True), (1.1, True)):
+        traced = with_voltage(
+            run, 9, [(0.0, 1.0), (1.0, 1.0), (1.0 + BESIDE, 0.5), (at - BESIDE, 0.5), (at, 0.8), (1.2, 1.0)]
+        )
+        assert bool(judged(traced, 9, ours)) == violated, at
+
+
 @pytest.mark.parametrize(("change", "violated"), [(BESIDE, True), (-BESIDE, False)])
 def test_times_are_added_up(run, tmp_path, change, violated):
     total = rules(tmp_path, '[[voltage]]\nname = "t"\nbelow = 0.8\nlongest = "1s"\ntotal = true\nbuses = "loads"\n')

@@ -5,7 +5,7 @@ from types import ModuleType
 from typing import Annotated, NamedTuple
 
 import pytest
-from systems import CLASSICAL, PSS, ROUND, SEXS, small
+from systems import CLASSICAL, PSS, ROUND, SEXS, STEAM, small
 
 from stabctl import devices, io
 from stabctl._util.errors import CaseError, StudyError
@@ -148,7 +148,14 @@ def test_load_models_belong_to_rows_of_loads(loads, rows, tmp_path):
             "machine 1 has no model; add a row for it to one of gencls.csv, ",
         ),
         ({"gencls": {2: CLASSICAL, 1: CLASSICAL, "1#2": CLASSICAL}}, "machine 1 appears twice (rows 3 and 4)"),
-        ({"pss": {1: PSS}}, "machine 1 has no exciter for its stabilizer to act on"),
+        ({"pss": {1: PSS}}, "machine 1 is modeled by gencls, which has no stabilizer; remove this row."),
+        *(
+            (
+                {"gencls": {2: CLASSICAL}, "regc": {1: Converter()}, model: {1: par}},
+                f"1 is modeled by regc, which has no {role}",
+            )
+            for model, role, par in (("sexs", "exciter", SEXS), ("pss", "stabilizer", PSS), ("tgov", "governor", STEAM))
+        ),
         ({"nothing": {1: PSS}}, "there is no device model 'nothing'; choose one of gencls"),
         ({"pss": {1: SEXS}}, "is not a row; create it with Par(...)"),
     ],
@@ -230,8 +237,10 @@ def test_an_overlay_changes_devices_by_their_keys(loads, tmp_path):
         ("gencls", "exciter", False),
         ("gencls", "governor", True),
         ("genrou", "exciter", True),
+        ("genrou", "plant control", False),
         ("regc_a", "plant control", True),
+        ("regfm_a1", "governor", False),
     ],
 )
-def test_a_unit_may_have_any_control_unless_its_model_lists_some(model, control, may):
+def test_a_unit_may_have_the_controls_of_its_kind_unless_its_model_lists_some(model, control, may):
     assert tables.takes(model, control) is may

@@ -170,6 +170,13 @@ def test_every_output_says_that_they_are_typical(stabctl):
         assert json.loads(stabctl(*words, "--json")[1])["case"] == "case14 with typical machines"
 
 
+@pytest.mark.parametrize("kind", ["impedance", "current", "power"])
+def test_the_notes_tell_of_typical_loads_only_where_there_are_some(kind):
+    path = FILES / "powermodels" / "case14.m"
+    (told,) = set(st.load(path, machines="typical").notes) - set(st.load(path, machines="typical", loads=kind).notes)
+    assert "constant current for active, constant admittance for reactive power" in told
+
+
 def test_the_label_survives_the_csv_folder(tmp_path):
     case = st.load(FILES / "powermodels" / "case9.m", machines="typical")
     again = st.load(st.write(case, tmp_path / "mine"))

@@ -676,6 +676,7 @@ def _():
         st.Contingency("4-5", clear="3cyc"),
     ]
     full = point.case.set({"machines.23.base": 81.0, "machines.24.base": 74.0}).initialize()
+    others = point.case.set({"machines.22.base": 57.4, "machines.23.base": 81.0}).initialize()  # in which they are lost
     calls = {
         "one": lambda: redispatch(point, lost[:1], search),
         "several": lambda: redispatch(point, lost, search),
@@ -684,6 +685,7 @@ def _():
         ),
         "with a law": lambda: redispatch(point, lost[1:2], search, control=st.BangBang("20mHz")),
         "full": lambda: redispatch(full, [st.Contingency("5", clear="60cyc")], search),
+        "nobody left": lambda: redispatch(point, lost[1:2], search, tried=[others]),
         "not lost": lambda: redispatch(point, lost[3:], search),
         "in vain": lambda: redispatch(point, [st.Contingency("2", clear="400cyc"), lost[1]], search),
     }

@@ -118,7 +118,7 @@ class Parts:
                 raise StudyError(
                     f"damping = {damping:g} cannot be reached: no controller moves the mode at "
                     f"{abs(s.imag) / (2 * np.pi):.3f} Hz of {one.name}, whose damping ratio is "
-                    f"{-s.real / abs(s):.4f}; ask for less, or give other devices."
+                    f"{-s.real / abs(s):z.4f}; ask for less, or give other devices."
                 )
         if not kept:
             raise StudyError(f"No controller stabilizes any network: {out[0][0]}: {out[0][1]}; give other devices.")

@@ -262,7 +262,7 @@ class Tuned(Design):
     def _remarks(self, missed: Sequence[str] = (), level: float = 1.0) -> list[str]:
         lines = [f"Worst of all networks, every mode above {LOW:g} Hz: {self.worst_case}."]
         if self.worst_replaced is not None:
-            lines.append(f"With the parameters and stabilizers that the case has: {self.worst_replaced:.4f}.")
+            lines.append(f"With the parameters and stabilizers that the case has: {self.worst_replaced:z.4f}.")
         if self.doubled:
             lines.append(f"With doubled gains: {self.doubled}.")
         if self.sensitivity:

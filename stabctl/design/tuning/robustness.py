@@ -72,7 +72,7 @@ class Worst:
     name: str
 
     def __str__(self) -> str:
-        return f"{self.damping:.4f} at {self.frequency_hz:.3f} Hz ({self.name})"
+        return f"{self.damping:z.4f} at {self.frequency_hz:.3f} Hz ({self.name})"
 
 
 def worst(trial: Trial, factors: np.ndarray, plants: Iterable[int] | None = None, more: str = "") -> Worst:

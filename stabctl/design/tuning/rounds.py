@@ -102,4 +102,4 @@ class Rounds:
     def count(self, level: float) -> None:
         """A step was made."""
         self.done += 1
-        self.tell(f"worst damping {level:.4f}", min(self.done / self.whole, 1.0))
+        self.tell(f"worst damping {level:z.4f}", min(self.done / self.whole, 1.0))

@@ -73,7 +73,7 @@ def _scope(
 ) -> tuple[frozenset[int], list[float]]:
     """The buses of a statement on voltages, and its limits."""
     of = statement.words[3]
-    first = 0 if of.means("ALL") or (of.means("BUSES") and not of.means("BUS")) else 1
+    first = 0 if of.means("ALL") or of.means("BUSES") else 1
     limits = [number(statement, word) for word in words[first:]]
     if not first:
         return frozenset(b.bus for b in case.buses), limits

@@ -37,7 +37,8 @@ class Word(NamedTuple):
     def means(self, keyword: str) -> bool:
         """Whether it is a keyword, or its beginning."""
         text = self.text.upper()
-        return not self.quoted and keyword.startswith(text) and len(text) >= min(SHORTEST, len(keyword))
+        shortest = SHORTEST + keyword.startswith("BUS")  # BUS is itself, not the beginning of BUSNAMES or BUSDOUBLE
+        return not self.quoted and keyword.startswith(text) and len(text) >= min(shortest, len(keyword))
 
 
 class Statement(NamedTuple):
@@ -218,7 +219,7 @@ def machine(statement: Statement, case: Case, at: int, id: Word) -> int:
     Where the case keeps no identifiers, machine 2 is the second at the bus.
     """
     found = naming.machine_number(case, f"{at}/{id.text.strip()}")
-    here = [m for m in case.machines if m.bus == at]
+    here = [m for m in case.machines if m.bus == at or m.name.startswith(f"{at}/")]  # or behind its transformer
     if found is None and not any(m.name for m in here):
         found = next((m.machine for i, m in enumerate(here, start=1) if str(i) == id.text.strip()), None)
     if found is None:

@@ -14,7 +14,8 @@ from stabctl.model.case import Case
 
 from .statements import Statement, Word, bus, number, read
 
-SELECTORS = {"AREAS": "area", "ZONES": "zone", "OWNERS": "owner", "BUSES": "bus", "KVRANGE": "rated", "KV": "rated"}
+SELECTORS = {"AREAS": "area", "ZONES": "zone", "OWNERS": "owner", "BUSES": "bus", "BUS": "bus"}
+SELECTORS |= {"KVRANGE": "rated", "KV": "rated"}
 RANGES = "AREAS", "ZONES", "OWNERS", "BUSES", "KVRANGE"  # with two values; others have one
 NEEDED = "AREA 1, ZONE 1, OWNER 1, BUS 7, KVRANGE 100 500, a range such as AREAS 1 5, JOIN or END"
 

@@ -7,7 +7,7 @@ machine. Reactances of infinite buses (ibus_con) are those behind which their ma
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -248,6 +248,7 @@ class _Reader:
         """Generation at buses without a machine, as impedances; where they hold a voltage, after a power flow."""
         self.alone = {bus: power for bus, power in self.alone.items() if bus in self.net.at}
         held = [bus for bus in self.alone if self.net.bus(bus).kind != "pq"]
+        self._injected(bus for bus in self.alone if bus not in held)
         if held:
             machines, places = list(self.net.rows["machines"]), list(self.net.places["machines"])
             for bus in held:
@@ -261,8 +262,11 @@ class _Reader:
                 elif self.net.bus(bus).kind == "pv":  # it may become the swing bus
                     self.net.change(bus, angle=angle)
             self.net.rows["machines"], self.net.places["machines"] = machines, places
-        for bus, power in self.alone.items():
-            place = self.net.places["buses"][self.net.at[bus]]
+            self._injected(held)
+
+    def _injected(self, buses: Iterable[int]) -> None:
+        for bus in buses:
+            power, place = self.alone[bus], self.net.places["buses"][self.net.at[bus]]
             if power:
                 load = Load(bus, -power.real, -power.imag, v_low=LOW, id="G", kind="injection")
                 self.net.add("loads", load, place)

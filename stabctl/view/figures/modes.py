@@ -78,7 +78,7 @@ def plot_modes(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
 
 def describe(mode: Mode) -> str:
     """A mode in one line: what it is, its frequency, and its damping ratio."""
-    return f"{mode.label}: {mode.frequency_hz:.3f} Hz, damping ratio {100 * mode.damping_ratio:.2f} %"
+    return f"{mode.label}: {mode.frequency_hz:.3f} Hz, damping ratio {100 * mode.damping_ratio:z.2f} %"
 
 
 def ray(ax: "Axes", ratio: float, left: float, top: float) -> None:

@@ -191,7 +191,7 @@ def mode(ax: "Axes", line: OneLine, found: Mode, point: float) -> list[Label]:
     look: Any = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 1.6 / point, "units": "xy", "zorder": 5}
     ax.quiver(*at.T, turned.real, turned.imag, color=color, **look)
     hz, ratio = found.frequency_hz, 100 * found.damping_ratio
-    ax.text(1, 1.01, f"{hz:.2f} Hz, damping {ratio:.1f} %", transform=ax.transAxes, ha="right", fontsize="small")
+    ax.text(1, 1.01, f"{hz:.2f} Hz, damping {ratio:z.1f} %", transform=ax.transAxes, ha="right", fontsize="small")
     return []
 
 

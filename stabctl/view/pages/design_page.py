@@ -173,10 +173,10 @@ def write(design: Design, folder: str | Path, checks: Iterable[Contingency | str
 
 
 def _numbers(found: Evidence) -> Iterator[tuple[str, str]]:
-    yield f"{found.design.worst_before:.4f}", f"smallest damping ratio of {SLOW:g} to {FAST:g} Hz without"
-    yield f"{found.design.worst_after:.4f}", "with the controllers"
+    yield f"{found.design.worst_before:z.4f}", f"smallest damping ratio of {SLOW:g} to {FAST:g} Hz without"
+    yield f"{found.design.worst_after:z.4f}", "with the controllers"
     if found.design.worst_replaced is not None:
-        yield f"{found.design.worst_replaced:.4f}", "with the stabilizers of the case, which they replace"
+        yield f"{found.design.worst_replaced:z.4f}", "with the stabilizers of the case, which they replace"
     if found.margins:
         late = found.margins.delay
         yield "over 2 s" if np.isinf(late) else f"{1e3 * late:.4g} ms", "delay margin"

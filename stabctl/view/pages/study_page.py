@@ -94,7 +94,7 @@ def _numbers(study: Study) -> Iterator[tuple[str, str]]:
         lost = f"contingencies lost with a clearing time of at most {study.guaranteed}"
         yield f"{len(study.insecure)} of {len(study.margins)}", lost
     if study.modes is not None and (worst := study.oscillations):
-        yield f"{100 * study.modes.damping_ratio[worst[0]]:.2f} %", "damping ratio of the least damped oscillation"
+        yield f"{100 * study.modes.damping_ratio[worst[0]]:z.2f} %", "damping ratio of the least damped oscillation"
     if study.low_or_high:
         yield str(len(study.low_or_high)), "buses with a voltage outside the normal range"
 
