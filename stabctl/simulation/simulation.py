@@ -397,8 +397,8 @@ def run_of(
 
 
 def _ends(simulation: Simulation, until: float, longest: float) -> Iterator[float]:
-    """The end of a run, later while its swings have not settled; they are judged where a step begins."""
-    while until < longest - 1e-9 and simulation.outcome is None:
+    """The end of a run, later while its swings are judged and have not settled; they are where a step begins."""
+    while until < longest - 1e-9 and simulation.outcome is None and simulation.setup.criterion.decay:
         yield simulation.whole(until)
         last = simulation.swings()
         if last is not None and last.settled:

@@ -327,17 +327,12 @@ class Modes(Tabular):
         return (eliminated(self.linear) if isinstance(self.linear, Descriptor) else self.linear).to_control()
 
     def __str__(self) -> str:
-        swings = counted(len(self.swings()), "electromechanical mode")
-        text = f"{self.linear.point.case.name}: {self._count}, {swings}"
+        counts = counted(len(self), "eigenvalue"), counted(len(self.swings()), "electromechanical mode")
+        text = f"{self.linear.point.case.name}: {', '.join(counts)}"
         for k, which in zip(self.least_damped(), ("least damped", "of the electromechanical ones"), strict=False):
             hz, ratio = self.frequency_hz[k], round(self.damping_ratio[k], 4) + 0.0
             text += f"; {which}: {hz:.3f} Hz, damping ratio {ratio:.4f} ({self.label(k)})"
         return text + ("." if self.stable else f"; the operating point is unstable: {self._fastest_growing()}.")
-
-    @property
-    def _count(self) -> str:
-        """How many eigenvalues there are, in words."""
-        return counted(len(self), "eigenvalue")
 
     def _fastest_growing(self) -> str:
         """The eigenvalue with the largest real part, and its mode."""
