@@ -10,6 +10,7 @@ from stabctl._util.verbs import verb
 from stabctl._util.wording import counted, enumerated
 from stabctl.model import naming
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.events import event
 from stabctl.simulation.outcome import Kind
 from stabctl.simulation.swings import Swings
 
@@ -23,8 +24,13 @@ def watched(search: Search, longest: float, contingencies: Iterable[Contingency]
     """How stable runs were observed: `observed 5 to 20 s after clearing`, and by which criteria."""
     time = f"{search.observed_s:g}" + (f" to {longest:g}" if longest > search.observed_s + 1e-6 else "")
     kept = f", criteria {search.criteria.title}" if search.criteria else ""
-    since = "the last event" if any(one.goes_on for one in contingencies) else "clearing"
+    since = "the last event" if any(map(_goes_on, contingencies)) else "clearing"
     return f"observed {time} s after {since}{kept}"
+
+
+def _goes_on(one: Contingency) -> bool:
+    """Whether an event may follow the clearing."""
+    return bool(one.events) or any(event(e, 60.0).at > 0 for e in one.after)
 
 
 LIMITS = {

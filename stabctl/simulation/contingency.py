@@ -135,11 +135,6 @@ class Contingency:
         return *map(str, self.trip), *map(_tripped, self.after)
 
     @property
-    def goes_on(self) -> bool:
-        """Whether an event may follow the clearing."""
-        return bool(self.events) or any(event(one, 60.0).at > 0 for one in self.after)
-
-    @property
     def label(self) -> str:
         """Its name, or its fault and trip: `16 trip 16-21, machine 9`."""
         trip = f"trip {', '.join(self.tripped)}" if self.tripped else ""
