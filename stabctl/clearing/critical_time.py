@@ -68,9 +68,9 @@ def clearing_time(
     resolution, limit : str or float
         Spacing of the clearing times, and the longest one tried: "0.125cyc", or seconds.
     observe : str or float
-        Time simulated after clearing: "5s", or seconds.
+        Time simulated after the last event, which is the clearing unless others follow: "5s", or seconds.
     longest : str or float
-        Longest time simulated after clearing, while the swings neither decay nor are small; 0: never more than
+        Longest time simulated after it, while the swings neither decay nor are small; 0: never more than
         `observe`.
     scan : str or float
         Range below and above the answer in which every eighth of a cycle (every point of a coarser grid) is tried:

@@ -1,5 +1,6 @@
 """A critical clearing time: the longest fault, on a grid of clearing times, after which the system stays stable."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING, Literal
@@ -9,6 +10,7 @@ from stabctl._util.verbs import verb
 from stabctl._util.wording import counted, enumerated
 from stabctl.model import naming
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.events import event
 from stabctl.simulation.outcome import Kind
 from stabctl.simulation.swings import Swings
 
@@ -18,11 +20,17 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def watched(search: Search, longest: float) -> str:
+def watched(search: Search, longest: float, contingencies: Iterable[Contingency]) -> str:
     """How stable runs were observed: `observed 5 to 20 s after clearing`, and by which criteria."""
     time = f"{search.observed_s:g}" + (f" to {longest:g}" if longest > search.observed_s + 1e-6 else "")
     kept = f", criteria {search.criteria.title}" if search.criteria else ""
-    return f"observed {time} s after clearing{kept}"
+    since = "the last event" if any(map(_goes_on, contingencies)) else "clearing"
+    return f"observed {time} s after {since}{kept}"
+
+
+def _goes_on(one: Contingency) -> bool:
+    """Whether an event may follow the clearing."""
+    return bool(one.events) or any(event(e, 60.0).at > 0 for e in one.after)
 
 
 LIMITS = {
@@ -46,13 +54,14 @@ class ClearingTime(Tabular):
     status : {"found", "unstable_at_zero", "stable_at_limit"}
         Whether a critical clearing time was found within the search limit.
     cycles, seconds : float or None
-        Longest stable clearing time on the grid; None if the system is unstable even if cleared immediately.
+        Longest stable clearing time on the grid; None if none is critical: the system is unstable even if cleared
+        immediately, or stable up to the limit, as `status` says. `reach_cycles` is the longest survived in any case.
     machine : int, str or None
         Machine that loses synchronism first just beyond it.
     search : Search
         Grid, limits and observation window of the search.
     runs : tuple of Run
-        Every simulation, by clearing time.
+        Every simulation with the fault cleared, by clearing time.
     wall_s : float, s
         Computing time.
 
@@ -94,7 +103,7 @@ class ClearingTime(Tabular):
 
     @property
     def reach_cycles(self) -> float:
-        """Longest clearing time survived: 0 if there is none, the limit of the search if every one is."""
+        """Longest clearing time survived: 0 if there is none, the limit of the search if every one tried is."""
         return self.search.limit_cycles if self.status == "stable_at_limit" else self.cycles or 0.0
 
     @property
@@ -245,6 +254,11 @@ class ClearingTime(Tabular):
         where = enumerated("bus", self.stalled)
         return f"In the longest stable run, motor loads at {where} have stalled." if self.stalled else ""
 
+    def cut_off(self) -> str:
+        """A sentence on what the switching separates or blacks out in the longest stable run; empty if it does not."""
+        longest = self.longest_stable
+        return longest.cut_off if longest else ""
+
     def undecided(self) -> str:
         """A sentence on a rule for which the longest stable run is too short; empty if there is none."""
         longest = self.longest_stable
@@ -259,13 +273,13 @@ class ClearingTime(Tabular):
         return f"Its swings {how} within {seconds}; with a longer observation, the clearing time may be shorter."
 
     def __str__(self) -> str:
-        observed = f"{watched(self.search, self.observed_s)}, {counted(len(self.runs), 'run')}"
+        observed = f"{watched(self.search, self.observed_s, [self.contingency])}, {counted(len(self.runs), 'run')}"
         what = f"{self.case}, fault {self.fault}" + (f", trip {', '.join(self.trip)}" if self.trip else "")
         first = self._first()
         if self.status == "unstable_at_zero":
             return f"{what}: {self._never()}{first} ({observed})."
-        if self.status == "stable_at_limit":
-            text = f"{what}: stable up to the search limit of {self.search.limit_cycles:g} cycles ({observed})."
-            return " ".join(part for part in (text, self.stall(), self.remark(), self.undecided()) if part)
-        text = f"{what}: critical clearing time {self.cycles:g} cycles ({self.seconds:.4f} s){first} ({observed})."
-        return " ".join(part for part in (text, self.stall(), self.remark(), self.undecided(), self.window()) if part)
+        text = f"{what}: stable up to the search limit of {self.search.limit_cycles:g} cycles ({observed})."
+        if self.cycles is not None:
+            text = f"{what}: critical clearing time {self.cycles:g} cycles ({self.seconds:.4f} s){first} ({observed})."
+        said = text, self.cut_off(), self.stall(), self.remark(), self.undecided(), self.window()
+        return " ".join(part for part in said if part)

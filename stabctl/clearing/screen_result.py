@@ -108,7 +108,7 @@ class Screen:
 
     @property
     def observed_s(self) -> float:
-        """Longest time (s) that a stable run was watched after clearing."""
+        """Longest time (s) that a stable run was watched after its last event."""
         return max((p.observed_s for p in self.pairs), default=self.search.observed_s)
 
     @property
@@ -188,13 +188,16 @@ class Screen:
             shown = f"all {what} are stable for {search.limit_cycles:g} cycles"
         said = [
             f"{self.case}: {shown} (grid of {search.resolution_cycles:g} cycles up to {search.limit_cycles:g}, "
-            f"{watched(search, self.observed_s)}, {self.simulations} simulations in {self.wall_s:.1f} s)."
+            f"{watched(search, self.observed_s, (p.contingency for p in self.pairs))}, {self.simulations} simulations "
+            f"in {self.wall_s:.1f} s)."
         ]
         if lasting := sum(bool(p.remark()) for p in self.pairs):
             said.append(
                 f"The swings of {counted(lasting, 'pair')} do not decay within {self.observed_s:g} s; with a longer "
                 "observation, the clearing time may be shorter."
             )
+        if cut := [p.contingency.label for p in self.pairs if p.cut_off()]:
+            said.append(f"The switching cuts off a part of the system, whose load may be lost: {'; '.join(cut)}.")
         if lost:
             opened = dict.fromkeys(name for p in lost for name in p.trip)
             either = "Unstable, or against the criteria," if search.criteria else "Unstable"

@@ -58,7 +58,7 @@ class Search:
 
     resolution_cycles: float = 0.125
     limit_cycles: float = 60.0
-    observed_s: float = 5.0  # s   observed after clearing
+    observed_s: float = 5.0  # s   observed after the last event
     step: float | None = None  # s
     criterion: Criterion = DEFAULT
     scan_cycles: float | None = None  # range below the answer in which others are tried; None: as its swings demand
@@ -160,6 +160,7 @@ class Run(NamedTuple):
     bus: int | None = None  # whose voltage collapsed
     violated: "Violation | None" = None  # the first of the criteria, its instant from the fault on; not if unstable
     undecided: str = ""  # what of the criteria it was too short for
+    cut_off: str = ""  # what the switching has separated or blacked out, as a sentence
 
 
 @dataclass(frozen=True)
@@ -256,6 +257,7 @@ class Trial:
             bus=end.bus,
             violated=violated,
             undecided=undecided,
+            cut_off=end.cut_off,
         )
 
     def judged(self, k: int) -> tuple[Trajectory, "Violation | None", str]:

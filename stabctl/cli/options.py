@@ -212,7 +212,7 @@ Step = Annotated[
     Option("--step", metavar="TIME", parser=time, help="Time step, s or 2ms (default: at most 1/120 s)."),
 ]
 Observe = Annotated[
-    str, Option("--observe", metavar="TIME", parser=time, help="Time simulated after clearing, s or 300cyc.")
+    str, Option("--observe", metavar="TIME", parser=time, help="Time simulated after the last event, s or 300cyc.")
 ]
 Longest = Annotated[
     str,
@@ -220,7 +220,7 @@ Longest = Annotated[
         "--longest",
         metavar="TIME",
         parser=time,
-        help="Longest time simulated after clearing if the swings do not decay, s; 0: never more than --observe.",
+        help="Longest time simulated after the last event if the swings do not decay, s; 0: never more than --observe.",
     ),
 ]
 Resolution = Annotated[

@@ -39,7 +39,7 @@ class Loop:
         return joined(self._plant, [replace(n, controller=c) for n, c in zip(self._own, controllers, strict=True)])
 
     def eigenvalues(self, controllers: Sequence[Controller]) -> np.ndarray:
-        """Eigenvalues (1/s) of the closed loop, without those of the angle reference and of emptying delay lines."""
+        """Eigenvalues (1/s) of the closed loop, as its `eigenvalues`."""
         return self.closed(controllers).eigenvalues()
 
     def slopes(self, make: Make, x: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -166,7 +166,7 @@ class Optimum(Tabular):
     def __str__(self) -> str:
         c, p = self.contingency, self.peak
         what = f"{self.case}, fault {c.fault}" + (f", trip {', '.join(map(str, c.trip))}" if c.trip else "")
-        seen = watched(self.search, self.proof.observed_s)
+        seen = watched(self.search, self.proof.observed_s, [c])
         gate = self.schedule.min_voltage
         idle = f", idle below {gate:g} pu" if gate else ""
         made = f"{len(self.iterations)} convex programs, {self.simulations} simulations"

@@ -152,8 +152,8 @@ class Running(Protocol):
         """Raise `StudyError` if a run to an instant (s) takes too many steps."""
         ...
 
-    def advance(self, until: float) -> bool:
-        """Advance to an instant (s); returns whether the run continues."""
+    def advance(self, until: float, beyond: float | None = None) -> bool:
+        """Advance to an instant (s), with the steps of an advance beyond it; returns whether the run continues."""
         ...
 
 
@@ -175,9 +175,10 @@ def carry(simulations: Sequence[Running], pilots: Sequence[Pilot], ends: Iterabl
                 if start + counts[k] / rate <= now + 1e-9:
                     frame()
                     counts[k] += 1
-            now = min([until, *(start + n / rate for n, (rate, _) in zip(counts, pilots, strict=True))])
+            following = min(start + n / rate for n, (rate, _) in zip(counts, pilots, strict=True))
+            now = min(until, following)
             for simulation in simulations:
-                simulation.advance(now)
+                simulation.advance(now, following)
 
 
 class Frames:

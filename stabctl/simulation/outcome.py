@@ -50,10 +50,14 @@ class Outcome:
     swings: Swings | None = None  # the last ones of a run that reached its end; None if they are not judged
     stalled: tuple[int, ...] = ()  # numbers of the buses whose motor loads have stalled at the end
     cycling: tuple[str, ...] = ()  # storage devices in a limit cycle at full power at the end
+    cut_off: str = ""  # what the switching has separated or blacked out, as a sentence
 
     @property
     def stable(self) -> bool:
-        """Whether every island stayed in synchronism, within the frequency range, and with voltage."""
+        """Whether every island with a source of voltage stayed in synchronism, within the frequency range, and with it.
+
+        What the switching itself cuts off from all sources is blacked out, its load lost; the message says so.
+        """
         return self.kind in (Kind.STABLE, Kind.ISLANDED) and self.machine is None
 
     def __str__(self) -> str:
@@ -86,7 +90,8 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
     """The outcome of a run."""
     bus, t = point.case.buses[end.bus].bus, end.time
     number, called = _critical(point, end)
-    cut = " ".join((_cut_off(point, end), *end.taken_off.values())).strip()
+    cut_off = _cut_off(point, end)
+    cut = " ".join((cut_off, *end.taken_off.values())).strip()
     if not (end.stage.net.island >= 0).any():
         return Outcome(
             Kind.VOLTAGE_COLLAPSE,
@@ -135,7 +140,7 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
     message = " ".join(
         s for s in (*sentences, _still_faulted(point, end), str(end.stalled), _cycling(point, end), str(end.loop)) if s
     )
-    return Outcome(kind, message, t, machine, blamed, end.swings, end.stalled.buses, tuple(end.cycling))
+    return Outcome(kind, message, t, machine, blamed, end.swings, end.stalled.buses, tuple(end.cycling), cut_off)
 
 
 def _critical(point: OperatingPoint, end: End) -> tuple[int | str | None, str]:

@@ -145,19 +145,21 @@ class Simulation:
         width = self._record.per_step(self.step)
         steps.affordable(self.point, self.step, until - self.time, width, loop=self.setup.closed.fastest)
 
-    def advance(self, until: float, cut: bool = False) -> bool:
+    def advance(self, until: float, beyond: float | None = None) -> bool:
         """Advance to `until` (s), stopping exactly at every event; returns whether the run continues.
 
-        With `cut`, the steps before `until` are those of a run that goes on.
+        Orders may have changed, and the steps are those of an advance to `beyond`, by default to `until`. If that is
+        infinite, they have not, and the run goes on.
         """
         self.affordable(until)
-        if not cut:
+        if beyond != np.inf:
             self._run.solve.moves[:] = 0  # orders may have changed
         while self.outcome is None and self.time < until - 1e-9:
             following = self._following
-            target = min([until, following, *(t for t in self._edges if t > self.time + 1e-9)])
+            whole = min([beyond or until, following, *(t for t in self._edges if t > self.time + 1e-9)])
+            target = min(until, whole)
             if target > self.time + 1e-9:
-                self._segment(target, cut and target == until < following)
+                self._segment(target, whole)
                 self._windows()
             if self.outcome is None and following <= target + 1e-9:
                 self._at += 1
@@ -226,8 +228,8 @@ class Simulation:
             self._run.s[place] = 1.0 if start <= self.time + 1e-9 < end else 0.0
         self._edges = sorted({edge for _, *both in windows for edge in both})
 
-    def _segment(self, target: float, cut: bool) -> None:
-        all_steps, done = steps.steps(self.time, target, self.step, self.wired.rates, cut=cut), 0
+    def _segment(self, target: float, whole: float) -> None:
+        all_steps, done = steps.steps(self.time, target, self.step, self.wired.rates, whole=whole), 0
         count = len(all_steps.sizes)
         while done < count and self.outcome is None:
             now = slice(done, done + self._record.at_once)
@@ -392,13 +394,13 @@ def run_of(
         carry([simulation], pilots, ends)
     else:
         for end in ends:
-            simulation.advance(end, cut=True)
+            simulation.advance(end, beyond=np.inf)
     return simulation.finish()
 
 
 def _ends(simulation: Simulation, until: float, longest: float) -> Iterator[float]:
-    """The end of a run, later while its swings have not settled; they are judged where a step begins."""
-    while until < longest - 1e-9 and simulation.outcome is None:
+    """The end of a run, later while its swings are judged and have not settled; they are where a step begins."""
+    while until < longest - 1e-9 and simulation.outcome is None and simulation.setup.criterion.decay:
         yield simulation.whole(until)
         last = simulation.swings()
         if last is not None and last.settled:

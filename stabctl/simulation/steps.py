@@ -82,14 +82,14 @@ class Steps(NamedTuple):
 NONE = Steps(np.empty(0), np.empty(0), np.empty(0, np.int64))
 
 
-def steps(start: float, end: float, step: float, rates: Sequence[int] = (), *, cut: bool = False) -> Steps:
+def steps(start: float, end: float, step: float, rates: Sequence[int] = (), *, whole: float = 0.0) -> Steps:
     """Steps of at most `step` (s) from start to end that begin at every frame.
 
     Frame j of a rate is at j / rate. One that falls on the start belongs to this interval, one on the end to the next;
-    a frame within 1e-7 s of the start counts as there. Between two frames all steps are equal. With `cut`, nothing
-    happens at the end: the steps are those of a longer interval, the last of them cut off there.
+    a frame within 1e-7 s of the start counts as there. Between two frames all steps are equal. If the interval
+    goes on to `whole`, which may be infinite, the steps are those of all of it, the last of them cut off at the end.
     """
-    if cut and not rates:
+    if whole == math.inf and not rates:
         number = max(1, math.ceil((end - start) / step - 1e-6))
         starts, sizes = start + step * np.arange(number), np.full(number, step)
         sizes[-1] = end - starts[-1]
@@ -100,7 +100,8 @@ def steps(start: float, end: float, step: float, rates: Sequence[int] = (), *, c
             at = start if j / rate < start + 1e-7 else round(j / rate, 12)
             due[at] = due.get(at, 0) | 1 << bit
     marks = sorted({start, *due})
-    beyond = min(math.ceil(end * rate - 1e-6) / rate for rate in rates) if cut else end
+    cut = whole > end
+    beyond = min([whole, *(math.ceil(end * rate - 1e-6) / rate for rate in rates)]) if cut else end
     length = np.diff([*marks, beyond])
     count = np.maximum(1, np.ceil(length / step - 1e-6)).astype(int)
     first, sizes = np.cumsum(count) - count, np.repeat(length / count, count)

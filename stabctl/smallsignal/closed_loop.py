@@ -4,7 +4,8 @@ Continuous controllers close the loop x' = A x + B y, u = C x + D y directly. Wi
 map over the common period of all rates, from [x | outputs held, states and delay lines of the controllers]: the plant
 moves exactly with its inputs held, x(t + T) = exp(A T) x + (integral of exp(A t)) B u, and at a frame a controller
 reads the system with the outputs held before. Eigenvalues z of the map over the period T are the modes s = log(z) / T,
-unique below half of 1/T.
+unique below half of 1/T. Those that decay to less than a fifth within one frame of the fastest controller are left
+out: a delay line has a z for every frame, near (loop gain)^(1 / frames), among those of the fastest modes of the plant.
 """
 
 from collections.abc import Iterable, Sequence
@@ -29,7 +30,7 @@ from .interconnection import Plant, common_period, over_a_period, plant_of
 from .model import Linear
 from .modes import Modes
 
-EMPTY = 0.2  # |z| per frame below which a mode is that of an emptying delay line
+EMPTY = 0.2  # |z| per frame, up to which modes are left out
 
 
 @dataclass(frozen=True, repr=False)
@@ -70,8 +71,13 @@ class ClosedLoop(Linear):
             return super().transition()
         return np.eye(len(self.A)) + self.period * self.A, self.period * self.B, self.period
 
+    @property
+    def floor(self) -> float:
+        """Real part (1/s) above which modes are known: -1.61 times the fastest rate, or -inf without a sampled one."""
+        return float(np.log(EMPTY)) * self.frames / self.period if self.period else -np.inf
+
     def eigenvalues(self) -> np.ndarray:
-        """Eigenvalues (1/s), without those of the angle reference and of emptying delay lines."""
+        """Eigenvalues (1/s), without that of the angle reference; with sampled controllers, those above `floor`."""
         if self.opened is not None:
             return self.opened.eigenvalues(self.rotation())
         s = values(self.A, self.rotation())
@@ -81,9 +87,11 @@ class ClosedLoop(Linear):
         return np.log(z[np.abs(z) > EMPTY**self.frames]) / self.period
 
     def modes(self, band: str | Sequence[str | float] | None = None) -> Modes:
-        """The modes of the closed loop; those of emptying delay lines are left out.
+        """The modes of the closed loop.
 
-        With continuous delays they are the exact roots below 10 Hz, and all that grow (`delayed_loop`): `DelayedModes`.
+        With sampled controllers they are those with a real part above -1.61 times the fastest rate (`floor`): faster
+        ones of the plant are left out with those of emptying delay lines, which cannot be told from them. With
+        continuous delays they are the exact roots below 10 Hz, and all that grow (`delayed_loop`): `DelayedModes`.
 
         Parameters
         ----------
@@ -138,6 +146,11 @@ class SampledModes(Modes):
     """Modes s = log(z) / T of a map over the period T."""
 
     linear: ClosedLoop
+
+    def __str__(self) -> str:
+        return super().__str__().replace(", ", f" with real parts above {self.linear.floor:.3g} 1/s, ", 1)
+
+    __repr__ = __str__
 
     def controllability(self) -> np.ndarray:
         """W^H G / (z T) (modes, inputs), G of inputs held over the period, so that residues are derivatives of s."""

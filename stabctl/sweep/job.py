@@ -52,7 +52,7 @@ class Job(NamedTuple):
     until: Annotated[float, "s", "end of the simulation", POSITIVE] = 10.0
     resolution: Annotated[str, "-", "spacing of the clearing times tried"] = "0.125cyc"
     limit: Annotated[str, "-", "longest clearing time tried"] = "60cyc"
-    observe: Annotated[float, "s", "observation window after clearing", POSITIVE] = 5.0
+    observe: Annotated[float, "s", "observation window after the last event", POSITIVE] = 5.0
     longest: Annotated[float, "s", "longest time observed, while the swings do not decay", NOT_NEGATIVE] = 20.0
     scan: Annotated[str, "-", "how far below and above the answer other faults are tried"] = "auto"
     storage: Annotated[str, "-", "none, 50MW, 5%mva, 5%dispatch, or 14=50MW,13@33=20MW (empty: that of the case)"] = ""

@@ -7,14 +7,16 @@ import pytest
 
 from stabctl import io
 from stabctl._util.errors import StudyError
-from stabctl.clearing import Search, Trial, clearing_time
+from stabctl.clearing import Search, Trial, clearing_time, screen
 from stabctl.controllers import BangBang, Controller, Gate
 from stabctl.dynamics.operating_point import initialize
 from stabctl.estimation.estimator_control import EstimatorControl
 from stabctl.estimation.pmu import Pmu
 from stabctl.model import fleet, powerflow
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.schedule import Schedule
+from stabctl.simulation.simulation import run
 
 AT_7 = Contingency("7", trip="7-8")
 
@@ -50,6 +52,36 @@ def test_every_shorter_time_is_stable_and_the_next_is_not(two_area, fault, cycle
 
 def test_longer_observation_never_helps(two_area):
     assert clearing_time(two_area, AT_7, observe="1s").cycles >= clearing_time(two_area, AT_7).cycles
+
+
+def test_without_the_judgement_of_swings_runs_end_with_the_window(two_area):
+    found = clearing_time(two_area, AT_7, criterion=Criterion(decay=0), resolution="1cyc", observe="6s", scan=0)
+    assert found.swings is None
+    assert found.observed_s == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize("other", [{"after": "8-9@1s"}, {"events": "8-9@2s"}, {"after": "8-9@0s"}, {}])
+def test_the_window_counts_from_the_last_event(two_area, other):
+    found = clearing_time(two_area, replace(AT_7, **other), observe="1s", longest=0, limit="1cyc", resolution="1cyc")
+    later = {"after": "8-9@1s"} == other or "events" in other
+    assert f"observed 1 s after {'the last event' if later else 'clearing'}," in str(found)
+    assert found.runs[-1].time_s - found.runs[-1].cycles / 60 == pytest.approx(2.0 if later else 1.0, abs=0.02)
+
+
+def test_what_the_switching_cuts_off_is_said():
+    point = initialize(io.load("wscc9").with_loads("impedance"))
+    cut = Contingency("5", clear="6cyc", trip=["4-5", "5-7"])
+    whole = replace(cut, trip=["5-7"])
+    said = "The switching cut off bus 5 without a machine or grid-forming converter: blacked out, its load lost."
+    search = {"resolution": "1cyc", "scan": 0}
+    end = run(point, cut, 3.0).outcome
+    assert end.stable
+    assert end.cut_off == said
+    assert str(clearing_time(point, cut, **search)).endswith(f" {said}")
+    assert "cut off" not in str(clearing_time(point, whole, **search))
+    assert str(screen(point, faults=[cut, whole], **search)).endswith(
+        "The switching cuts off a part of the system, whose load may be lost: 5 trip 4-5, 5-7."
+    )
 
 
 def test_its_own_clearing_time_and_instant_are_ignored(two_area):

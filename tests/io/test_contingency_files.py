@@ -186,6 +186,7 @@ def test_keywords_are_in_any_case_and_may_be_cut(read):
         "ope bra fro bus 5 to bus 6 cir 1",
         "Trip Line From Bus 6 To 5 ckt '1 '",
         "DISC LIN FROM BUS 5 TO BUS 6",
+        "DIS BRA FROM BUS 5 TO BUS 6",
     ):
         assert {(one.fault, one.trip) for one in read(block(same))} == {(one.fault, one.trip) for one in whole}
 

@@ -151,17 +151,20 @@ def test_a_common_period_of_several_rates(thyristor):
 
 @pytest.mark.parametrize("rates", [(60,), (60, 30), (50, 10), (30, 20)])
 def test_modes_of_the_system_stay_however_many_frames_there_are_in_a_period(thyristor, rates):
-    """What decays to less than a fifth within one frame of the fastest controller counts as an emptying delay line."""
+    """Modes are left out that decay to less than a fifth within one frame of the fastest controller, and it is said."""
     gain = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[1e-9]]
     outputs = "order:1@5", "order:2@6"
     loop = thyristor.closed_loop(
         *(st.Controller(("deviation:1",), (y,), *gain, rate=r) for y, r in zip(outputs, rates, strict=False))
     )
     s = thyristor.modes().eigenvalues
-    there = s[(s.real > 0.99 * max(rates) * np.log(0.2)) & (np.abs(s.imag) < 0.99 * np.pi / loop.period)]
+    there = s[(s.real > loop.floor) & (np.abs(s.imag) < 0.99 * np.pi / loop.period)]
     assert len(there) > 20
     for found, wanted in ((loop.modes().eigenvalues, there), (loop.eigenvalues(), there[1:])):
         assert np.abs(found[:, None] - wanted).min(axis=0).max() < 1e-4
+        assert found.real.min() > loop.floor == pytest.approx(max(rates) * np.log(0.2))
+    assert f"eigenvalues with real parts above {loop.floor:.3g} 1/s, 3 electro" in str(loop.modes())
+    assert "above" not in str(thyristor.closed_loop(damper()).modes())
 
 
 def test_labels_and_export(thyristor):

@@ -85,7 +85,8 @@ def read_con(path: str | Path, case: Case, subsystems: Subsystems | None = None)
 def _refuse(statement: Statement) -> None:
     """Raise `StudyError` for a statement that is allowed, but is not represented."""
     for keyword, why in UNREPRESENTED.items():
-        if statement.begins(keyword) or (keyword == "DISPATCH" and statement.words[-1].means(keyword)):
+        begins = statement.begins(keyword) and not statement.begins("DISCONNECT")  # DIS is its beginning, too
+        if begins or (keyword == "DISPATCH" and statement.words[-1].means(keyword)):
             raise statement.error(f"{keyword} is not represented, because {why}.")
 
 
