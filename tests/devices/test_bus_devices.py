@@ -11,55 +11,7 @@ from stabctl._util.errors import EquilibriumError, StudyError
 
 FAULT = st.Contingency("7-8@0.4", clear="6cyc")
 
-STATCOM = '''
-"""Controlled shunt: a susceptance that follows the bus voltage.
-
-Vref - |V| -> [K/(1+sT)] -> b, current -j b V out of the bus.
-"""
-
-from typing import Annotated, NamedTuple
-
-from stabctl._util.jit import inline
-from stabctl.devices.blocks import magnitude
-from stabctl.devices.ports import PORT
-
-NAME = "STATCOM"
-ROLE = "shunt"
-
-
-class Par(NamedTuple):
-    K: Annotated[float, "pu", "gain"]
-    T: Annotated[float, "s", "time constant"]
-    offset: Annotated[float, "pu", "susceptance that is always there"] = 0.0
-
-
-class State(NamedTuple):
-    b: Annotated[float, "pu", "susceptance"]
-
-
-class Input(NamedTuple):
-    Vref: Annotated[float, "pu", "voltage reference", PORT]
-
-
-class Output(NamedTuple):
-    Q: Annotated[float, "pu", "reactive power"]
-
-
-@inline
-def current(x, v, p):
-    b = x.b + p.offset
-    return b * v[1], -b * v[0]
-
-
-@inline
-def output(x, v, p):
-    return Output((x.b + p.offset) * (v[0] * v[0] + v[1] * v[1]))
-
-
-@inline
-def derivatives(x, u, v, p):
-    return State((p.K * (u.Vref - magnitude(v[0], v[1])) - x.b) / p.T)
-'''
+SUSCEPTANCE = Path(__file__).parents[1] / "recordings" / "given" / "susceptance.py"
 
 STORE = '''
 """Store that draws a conductance as ordered."""
@@ -103,14 +55,14 @@ def written(folder: Path, name: str, text: str) -> Path:
 
 
 @pytest.fixture
-def statcom(tmp_path):
-    with registered(written(tmp_path, "statcom", STATCOM)):
+def shunted():
+    with registered(SUSCEPTANCE):
         yield st.load("two_area")
 
 
-def test_a_shunt_starts_at_rest_without_current_and_supports_its_bus(statcom):
-    plain = statcom.initialize()
-    base = statcom.with_device("statcom", 8, K=20, T="20ms").initialize()
+def test_a_shunt_starts_at_rest_without_current_and_supports_its_bus(shunted):
+    plain = shunted.initialize()
+    base = shunted.with_device("susceptance", 8, K=20, T="20ms").initialize()
     place = next(k for k, p in enumerate(base.layout.states) if p.name == "b")
     assert base.s[place] == pytest.approx(0, abs=1e-9)
     assert np.abs(base.equations.at(base.s.copy()).rates).max() < 1e-9
@@ -122,15 +74,15 @@ def test_a_shunt_starts_at_rest_without_current_and_supports_its_bus(statcom):
     assert held > without + 0.02  # pu; measured 0.05
 
 
-def test_its_susceptance_is_a_state_of_the_linear_model(statcom):
-    found = statcom.with_device("statcom", 8, K=20, T="20ms").linearize()
-    assert "b STATCOM 8" in found.states
+def test_its_susceptance_is_a_state_of_the_linear_model(shunted):
+    found = shunted.with_device("susceptance", 8, K=20, T="20ms").linearize()
+    assert "b susceptance 8" in found.states
 
 
-def test_a_shunt_that_draws_current_initially_is_refused_by_name(statcom):
-    says = "STATCOM of bus 8 of two_area has no equilibrium with zero current after"
+def test_a_shunt_that_draws_current_initially_is_refused_by_name(shunted):
+    says = "susceptance of bus 8 of two_area has no equilibrium with zero current after"
     with pytest.raises(EquilibriumError, match=says):
-        statcom.with_device("statcom", 8, K=0, T="20ms", offset=0.3).initialize()
+        shunted.with_device("susceptance", 8, K=0, T="20ms", offset=0.3).initialize()
 
 
 def test_a_store_that_draws_current_at_rest_is_refused_also_beside_loads(tmp_path):
