@@ -42,6 +42,7 @@ ROLES: Mapping[str, str] = MappingProxyType(
         "controller": "control law of storage devices, or a designed controller",
     }
 )
+AT_BUS = "load", "shunt"  # roles of devices that belong to a bus; the others belong to a machine
 Equation = Callable[..., Any] | None
 
 

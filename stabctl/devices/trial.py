@@ -13,7 +13,7 @@ import numpy as np
 
 from stabctl._util.schema import fields, hints
 
-from .device import RECORDS, Device, Empty
+from .device import AT_BUS, RECORDS, Device, Empty
 
 _GIVES = {  # equation -> the records that it returns
     "internal": ("Internal",),
@@ -25,7 +25,6 @@ _GIVES = {  # equation -> the records that it returns
     "step": ("State", "Output"),
 }
 _ROLE_GIVES = {"exciter": "Efd", "governor": "Pm"}  # what machines read; a stabilizer may drive any port
-_KEYS = {"load": "bus", "shunt": "bus"}  # role -> column that says what a row belongs to; of the others: machine
 _READ = {"x": "State", "u": "Input", "i": "Internal", "y": "Output", "p": "Par"}
 POINTS = 4  # at which derivatives are compared
 _NOT_ANALYTIC = {"abs", "min", "max", "sign", "conj", "conjugate", "fabs", "maximum", "minimum", "absolute"}
@@ -47,7 +46,7 @@ def mistake(device: Device) -> str | None:
         return (
             f"the role {device.role} gives {output}, but Output has no such field; without it the device has no effect"
         )
-    if (key := _KEYS.get(device.role, "machine")) in fields(device.Par):
+    if (key := "bus" if device.role in AT_BUS else "machine") in fields(device.Par):
         return f"{key} is the column that says what a row belongs to; give this field of Par another name"
     return _forbidden(device) or _fails(device) or _unmarked(device) or _lost(device)
 

@@ -14,6 +14,7 @@ from annotated_types import Ge, Interval
 
 from stabctl._util.schema import NOT_NEGATIVE, POSITIVE, RATIO, SHARE, Field, fields
 from stabctl.devices import OF_CONVERTER, models
+from stabctl.devices.device import AT_BUS
 from stabctl.devices.storage import MODELS, StorageModel
 
 Key = int | str
@@ -22,7 +23,7 @@ Characteristic = Literal["power", "current", "conductance"]
 LEFT_BY = {"converter": ("exciter", "governor", "stabilizer"), "machine": OF_CONVERTER}  # role -> controls
 UNIT_ROLES = ("machine", "converter")  # every row of machines.csv has exactly one model with one of these
 SINGLE_ROLES = *UNIT_ROLES, "exciter", "governor", *OF_CONVERTER  # a machine has at most one model with each
-_OWNERS = {"load": ("loads", "bus"), "shunt": ("buses", "bus")}  # role -> table and column of the key
+_OWNERS = {"load": "loads", "shunt": "buses"}  # role -> table of what a device belongs to; of the others: machines
 
 
 class Bus(NamedTuple):
@@ -224,10 +225,9 @@ def device_columns(model: str) -> dict[str, Field]:
 
 def key_field(model: str) -> Field:
     """The column that says what a row of a model's table belongs to: `bus` or `machine`."""
-    table, column = _OWNERS.get(role(model), ("machines", "machine"))
-    return fields(TABLES[table])[column]
+    return fields(TABLES[_OWNERS.get(role(model), "machines")])["bus" if at_bus(model) else "machine"]
 
 
 def at_bus(model: str) -> bool:
     """Whether the model is keyed by bus."""
-    return role(model) in _OWNERS
+    return role(model) in AT_BUS

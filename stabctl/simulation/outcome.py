@@ -54,7 +54,7 @@ class Outcome:
 
     @property
     def stable(self) -> bool:
-        """Whether every island with a source of voltage stayed in synchronism, within the frequency range, and with it.
+        """Whether every island with a source kept its synchronism, its voltage, and a frequency within the range.
 
         What the switching itself cuts off from all sources is blacked out, its load lost; the message says so.
         """

@@ -147,10 +147,8 @@ class SampledModes(Modes):
 
     linear: ClosedLoop
 
-    def __str__(self) -> str:
-        return super().__str__().replace(", ", f" with real parts above {self.linear.floor:.3g} 1/s, ", 1)
-
-    __repr__ = __str__
+    def _number(self) -> str:
+        return f"{super()._number()} with real parts above {self.linear.floor:.3g} 1/s"
 
     def controllability(self) -> np.ndarray:
         """W^H G / (z T) (modes, inputs), G of inputs held over the period, so that residues are derivatives of s."""

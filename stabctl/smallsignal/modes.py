@@ -327,12 +327,15 @@ class Modes(Tabular):
         return (eliminated(self.linear) if isinstance(self.linear, Descriptor) else self.linear).to_control()
 
     def __str__(self) -> str:
-        counts = counted(len(self), "eigenvalue"), counted(len(self.swings()), "electromechanical mode")
-        text = f"{self.linear.point.case.name}: {', '.join(counts)}"
+        counts = f"{self._number()}, {counted(len(self.swings()), 'electromechanical mode')}"
+        text = f"{self.linear.point.case.name}: {counts}"
         for k, which in zip(self.least_damped(), ("least damped", "of the electromechanical ones"), strict=False):
             hz, ratio = self.frequency_hz[k], self.damping_ratio[k]
             text += f"; {which}: {hz:.3f} Hz, damping ratio {ratio:z.4f} ({self.label(k)})"
         return text + ("." if self.stable else f"; the operating point is unstable: {self._fastest_growing()}.")
+
+    def _number(self) -> str:
+        return counted(len(self), "eigenvalue")
 
     def _fastest_growing(self) -> str:
         """The eigenvalue with the largest real part, and its mode."""

@@ -90,8 +90,8 @@ class Job(NamedTuple):
     @property
     def devices(self) -> dict[str, Any]:
         """Columns of the devices of `storage` that are not the usual ones."""
-        given = {column: getattr(self, name) for name, column in OF_DEVICES.items()}
-        return {column: value for column, value in given.items() if value not in ("power", "ideal", 0.0, "")}
+        given = {name: getattr(self, name) for name in OF_DEVICES}
+        return {OF_DEVICES[name]: value for name, value in given.items() if value != self._field_defaults[name]}
 
     @property
     def criterion(self) -> Criterion:

@@ -329,6 +329,7 @@ def solution(p: MinimumTimeProblem, arcs: Arcs) -> MinimumTime:
 
 
 def _outcome(t: Array, x1: Array, Pc: Array, switches: tuple[float, ...]) -> str:
+    """When and where the speed is zero, and by which powers, in a sentence."""
     how = f"with one switch from {Pc[0]:g} to {Pc[-1]:g} pu at {switches[0]:.6f} s" if switches else "without a switch"
     return f"The speed is zero {t[-1]:.6f} s after clearing, at {x1[-1]:.6f} rad, {how}."
 

@@ -8,6 +8,7 @@ from systems import OWN, registered
 from stabctl import devices
 from stabctl._util.errors import StudyError
 from stabctl.devices import trial
+from stabctl.devices.device import AT_BUS
 from stabctl.model import tables
 
 GOOD = (OWN / "wide_area.py").read_text()
@@ -168,7 +169,9 @@ def test_what_another_file_does_to_a_derivative_is_told(tmp_path, monkeypatch):
 
 def test_the_keys_that_no_parameter_may_be_called_are_those_of_the_tables():
     for name in devices.models():
-        assert trial._KEYS.get(tables.role(name), "machine") == tables.key_field(name).name
+        key = "bus" if tables.role(name) in AT_BUS else "machine"
+        assert tables.key_field(name).name == key
+        assert trial.mistake(devices.every()[name]) is None
 
 
 @pytest.mark.parametrize("name", devices.every())

@@ -92,10 +92,11 @@ def words_of(html):
 
 
 def recorded(name, slow=False, loose=1e-6):
-    """Register a study of Python: it returns a mapping of results."""
+    """Register a study of Python: it may take a folder for its files, and returns a mapping of results."""
 
     def decorate(function):
-        STUDIES[name] = lambda folder: {k: described(v) for k, v in function().items()}
+        folders = function.__code__.co_argcount
+        STUDIES[name] = lambda folder: {k: described(v) for k, v in function(*[Path(folder)] * folders).items()}
         LOOSE[name] = loose
         if slow:
             SLOW.add(name)

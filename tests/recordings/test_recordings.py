@@ -23,14 +23,17 @@ if __name__ == "__main__":
 import pytest
 from recordings import (  # noqa: F401, they add their studies
     answers,
+    commands,
     damaged,
     designs,
     devices_and_laws,
     features,
-    files_and_commands,
+    given_files,
     linear,
     one_machine,
+    outage_files,
     outcomes,
+    plans,
     sites,
 )
 from recordings.studies import LOOSE, SLOW, STUDIES, prepared

@@ -72,8 +72,7 @@ def read_con(path: str | Path, case: Case, subsystems: Subsystems | None = None)
         elif statement.begins("SKIP") and len(statement.words) == 1:
             automatic.skip(statement, statements)
         else:
-            _refuse(statement)
-            automatic.add(statement, *understood(statement, (Form("block", "CONTINGENCY <name>"), *AUTOMATIC)))
+            automatic.add(statement, *_represented(statement, (Form("block", "CONTINGENCY <name>"), *AUTOMATIC)))
     found += automatic.contingencies()
     if not found:
         raise StudyError(
@@ -82,12 +81,15 @@ def read_con(path: str | Path, case: Case, subsystems: Subsystems | None = None)
     return tuple(found)
 
 
-def _refuse(statement: Statement) -> None:
-    """Raise `StudyError` for a statement that is allowed, but is not represented."""
-    for keyword, why in UNREPRESENTED.items():
-        begins = statement.begins(keyword) and not statement.begins("DISCONNECT")  # DIS is its beginning, too
-        if begins or (keyword == "DISPATCH" and statement.words[-1].means(keyword)):
-            raise statement.error(f"{keyword} is not represented, because {why}.")
+def _represented(statement: Statement, forms: Iterable[Form]) -> tuple[str, list[Word]]:
+    """The form of a statement, and its values. Raises `StudyError`, with the reason if it is only not represented."""
+    try:
+        return understood(statement, forms)
+    except StudyError:
+        for keyword, why in UNREPRESENTED.items():
+            if statement.begins(keyword) or (keyword == "DISPATCH" and statement.words[-1].means(keyword)):
+                raise statement.error(f"{keyword} is not represented, because {why}.") from None
+        raise
 
 
 class _Block:
@@ -109,7 +111,6 @@ class _Block:
                 return self._contingencies()
             if statement.begins("CONTINGENCY"):
                 raise statement.error(f"contingency '{self.name}' of line {self.opened.line} has no END before it.")
-            _refuse(statement)
             self._take(statement)
         raise self.opened.error("it has no END.")
 
@@ -129,7 +130,7 @@ class _Block:
         ]
 
     def _take(self, statement: Statement) -> None:
-        kind, words = understood(statement, FORMS)
+        kind, words = _represented(statement, FORMS)
         self.first = self.first or kind
         step: dict[str, Callable[[Statement, list[Word]], tuple[int, ...]]] = {
             "branch": self._branch,

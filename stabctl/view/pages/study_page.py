@@ -12,6 +12,7 @@ from stabctl.clearing.index import CLEARED
 from stabctl.clearing.trial import Search
 from stabctl.controllers import BangBang
 from stabctl.io import load, packaged
+from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
 
 from ..figures import clearing, grid_strength, one_line
@@ -259,8 +260,6 @@ def _lines(study: Study) -> Iterator[Part]:
         "system, contingencies, storage, controls or criteria."
     )
     case, how, search = study.point.case, study.how, study.screen.search if study.screen else USUAL
-    packed = case.name in packaged() and load(case.name) == case
-    known = f"base = st.load({case.name!r}).initialize()" if packed else "base = ..."
     faults = repr(how.faults) if isinstance(how.faults, str) else "..."
     for name, unit in SEARCH.items():
         if (value := getattr(search, name)) != getattr(USUAL, name):
@@ -272,7 +271,7 @@ def _lines(study: Study) -> Iterator[Part]:
     faults += rules + ", criteria=..." * bool(how.criteria)
     law = ", control=..." if how.control else ""
     every = [
-        how.source or known,
+        how.source or _made(case),
         "base.power_flow(); base.case.check()",
         f"base.modes(({BAND[0]:g}, {BAND[1]:g}))",
         f"base.screen(faults={faults}{law})",
@@ -284,6 +283,12 @@ def _lines(study: Study) -> Iterator[Part]:
         every.append(f"changed = base.case.{change.code}.initialize()  # {change.words}")
         every.append(f"changed.modes(({BAND[0]:g}, {BAND[1]:g})); changed.screen(faults={faults}{law})")
     yield pattern.made("lines.html", lines=every)
+
+
+def _made(case: Case) -> str:
+    """The line of Python that makes the operating point of a packaged case."""
+    packed = case.name in packaged() and load(case.name) == case
+    return f"base = st.load({case.name!r}).initialize()" if packed else "base = ..."
 
 
 def _written(c: Contingency, cycles: float) -> str:
