@@ -264,8 +264,8 @@ class Modes(Tabular):
         low, high = hertz(low_hz), hertz(high_hz)
         if not 0 <= low <= high:
             raise StudyError(f"The band of {low:g} to {high:g} Hz is empty or negative; give the lower first.")
-        f = self.frequency_hz
-        return [int(k) for k in np.flatnonzero((self.eigenvalues.imag > 0) & (f >= low) & (f <= high))]
+        inside = (self.eigenvalues.imag > 0) & (low <= self.frequency_hz) & (self.frequency_hz <= high)
+        return np.flatnonzero(inside).tolist()
 
     @property
     def stable(self) -> bool:
@@ -296,8 +296,7 @@ class Modes(Tabular):
         >>> abs(modes.residues("speed:2", "vref:2"))[modes.swings()].round(4)
         array([0.0113, 0.2098, 0.0399])
         """
-        i = index(self.linear, output, "output")
-        j = index(self.linear, input, "input")
+        i, j = index(self.linear, output, "output"), index(self.linear, input, "input")
         return self.observability()[i] * self.controllability()[:, j]
 
     @property
@@ -327,8 +326,8 @@ class Modes(Tabular):
         return (eliminated(self.linear) if isinstance(self.linear, Descriptor) else self.linear).to_control()
 
     def __str__(self) -> str:
-        counts = f"{self._number()}, {counted(len(self.swings()), 'electromechanical mode')}"
-        text = f"{self.linear.point.case.name}: {counts}"
+        name, swings = self.linear.point.case.name, counted(len(self.swings()), "electromechanical mode")
+        text = f"{name}: {self._number()}, {swings}"
         for k, which in zip(self.least_damped(), ("least damped", "of the electromechanical ones"), strict=False):
             hz, ratio = self.frequency_hz[k], self.damping_ratio[k]
             text += f"; {which}: {hz:.3f} Hz, damping ratio {ratio:z.4f} ({self.label(k)})"
@@ -339,8 +338,7 @@ class Modes(Tabular):
 
     def _fastest_growing(self) -> str:
         """The eigenvalue with the largest real part, and its mode."""
-        k = int(self.eigenvalues.real.argmax())
-        s = self.eigenvalues[k]
+        s = self.eigenvalues[k := int(self.eigenvalues.real.argmax())]
         swing = f" +- {abs(s.imag):.4g}j" if s.imag else ""
         return f"eigenvalue {s.real:.4g}{swing} 1/s ({self.label(k)})"
 
@@ -432,8 +430,7 @@ def converter_loop(linear: Linear, share: np.ndarray) -> str | None:
     (device_name, name), units = max(found.items(), key=lambda item: total[item[0]])
     largest = max(units.values())
     strong = sorted(unit for unit, part in units.items() if part >= NAMED_LOOPS * largest)
-    case = linear.point.case
-    called = ", ".join(str(case.machines[unit].called) for unit in strong[:MOST])
+    called = ", ".join(str(linear.point.case.machines[unit].called) for unit in strong[:MOST])
     more = f" and {len(strong) - MOST} more" if len(strong) > MOST else ""
     return f"{name} of {device_name} {called}{more}"
 
