@@ -112,7 +112,7 @@ def place(
     device : mapping, optional
         Other properties of the new devices: fields of `Storage`, such as {"lag": 0.05}.
     observe : str or float
-        Observation window after clearing: "5s", or seconds.
+        Observation window after the last event: "5s", or seconds.
     longest : str or float
         Longest time simulated after clearing, while the swings do not decay, as in `clearing_time`: "20s"; by default
         never more than `observe`.

@@ -49,7 +49,7 @@ class Siting(Tabular):
     history : tuple of Iteration
         Iterations of the search.
     observed_s : float, s
-        Observation window after clearing.
+        Observation window after the last event.
     simulations : int
         Number of simulations.
     wall_s : float, s
@@ -248,7 +248,7 @@ def remarks(siting: Siting) -> tuple[str, ...]:
     first = (
         f"{siting.case}: {counted(len(siting.sites), 'site')} with {siting.total_mw:.1f} MW and "
         f"{1e3 * siting.total_mwh:.0f} kWh survive {survived}, each observed {siting.observed_s:g} s after "
-        f"clearing{kept} ({counted(siting.simulations, 'simulation')} in {siting.wall_s:.1f} s)."
+        f"the last event{kept} ({counted(siting.simulations, 'simulation')} in {siting.wall_s:.1f} s)."
     )
     if siting.infeasible:
         left_out = "; ".join(one.label for one in siting.infeasible)
