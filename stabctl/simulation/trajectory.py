@@ -293,7 +293,8 @@ class Trajectory:
         Raises
         ------
         StudyError
-            For another suffix, an unknown channel, a reference without a rotor, or a file that cannot be written.
+            For another suffix, an unknown channel, a reference without a rotor, either of them with .nc, or a file that
+            cannot be written.
 
         Examples
         --------
@@ -304,6 +305,8 @@ class Trajectory:
         if path.suffix.lower() == ".csv":
             files.replace(path, csv_text(self.table(channels, angle_reference)))
         elif path.suffix.lower() == ".nc":
+            if channels or angle_reference is not None:
+                raise StudyError("channels and angle_reference belong to a .csv file; leave them out.")
             kept = self.dataset if self.point.case.storage else self.dataset.drop_dims("device")
             files.replace(path, bytes(kept.to_netcdf(engine="scipy")))
         else:

@@ -55,6 +55,7 @@ VALUES = dict(  # where it is not another choice, a number twice as large, or a 
         "\n", " "
     ).split("; ")
 )
+OF_DEVICES = ["--deadband", "--min-voltage", "--characteristic", "--lag", "--storage-model", "--storage-energy"]
 WITH = {  # what else an option needs
     **dict.fromkeys(
         [
@@ -92,10 +93,7 @@ OWN = {  # values and what else is needed, of one command
     ("swing minimum-time", "--Pm"): ("0.4", ""),
     ("swing minimum-time", "--X"): ("0.9", ""),
     ("weak-grid", "--converter"): ("4", ""),
-    **{
-        ("place", one): (VALUES.get(one), "")
-        for one in ["--deadband", "--min-voltage", "--lag", "--characteristic", "--storage-model", "--storage-energy"]
-    },
+    **{("place", one): (VALUES.get(one), "") for one in OF_DEVICES},
     **{("place", one): (VALUES[one], "--storage-model regc") for one in ("--storage-mva", "--converter")},
     **{(name, "--storage-at"): ("3=40MW", "") for name in ("place", "linearize")},
 }
@@ -110,18 +108,10 @@ OUTPUT = [
     "--dyr-out",
     "--verbose",
 ]
-OF_THE_CASE = (  # all in one record
-    [
-        "--device",
-        "--dyr",
-        "--machines",
-        "--frequency",
-        "--missing",
-        "--missing-controls",
-        "--motor-share",
-        "--conventions",
-    ]
-)
+OF_THE_CASE = [  # all in one record
+    *("--device", "--dyr", "--machines", "--frequency", "--missing", "--missing-controls", "--motor-share"),
+    *("--conventions", "--verbose"),
+]
 LATER = {  # beside or after what the library is asked for first
     *(("modes", name) for name in ("--band", "--areas", "--sensitivity", "--controller")),
     *((f"design {name}", "--fault") for name in ("tune", "pss", "pod", "lqr", "lqg")),

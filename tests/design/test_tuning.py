@@ -53,6 +53,27 @@ def again(trial, where):
     return WEIGHT * float(np.log(peak.bound / size))
 
 
+def test_a_controller_is_out_in_intact_networks_alone(cases):
+    parts, problem = made(cases, "lead-lag", intact=False)
+    intact = [k for k, owner in enumerate(parts.owner) if parts.networks[owner].intact]
+    assert 0 < len(intact) < len(parts.plants)
+    out = [(s.plant, i) for s in problem.scenarios for i in np.flatnonzero(s.factors == 0)]
+    assert out == [(k, i) for k in intact for i in range(len(parts.tunables))]
+    assert all(
+        f" without {parts.tunables[i].name}" in s.name
+        for s in problem.scenarios
+        for i in np.flatnonzero(s.factors == 0)
+    )
+
+
+def test_starts_are_those_of_a_seed(cases):
+    parts, problem = made(cases, "lead-lag")
+    one, again, other = (list(parts.starts(problem, 3, seed)) for seed in (1, 1, 2))
+    assert np.array_equal(one, again)
+    assert not any(np.array_equal(a, b) for a in one for b in other)
+    assert len({tuple(start) for start in one}) == 3
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_row_has_the_derivative_that_differences_give(cases, kind):
     """Modes, doubled gains, a controller out, peaks of each loop and of all together: 1e-5 of the largest (3e-6)."""

@@ -55,6 +55,15 @@ class TestTrajectory:
         with xr.open_dataset(traced.save(tmp_path / "run.nc"), engine="scipy") as stored:
             assert np.array_equal(stored["speed"], traced.arrays.speed)
             assert stored.attrs["outcome"] == "stable"
+        relative = pd.read_csv(traced.save(tmp_path / "relative.csv", channels="angle,speed:1", angle_reference=3))
+        own, third = traced.table("angle"), frame["angle_deg:3"]
+        for m in (1, 2, 3, 4):
+            assert np.abs(relative[f"angle_deg:{m}"] - own[f"angle_deg:{m}"] + third).max() < 1e-9
+        assert not relative["angle_deg:3"].any()
+        assert list(relative)[-1] == "speed_pu:1"
+        for given in ({"channels": "angle"}, {"angle_reference": 3}):
+            with pytest.raises(StudyError, match=r"belong to a \.csv file"):
+                traced.save(tmp_path / "wrong.nc", **given)
         with pytest.raises(StudyError, match=r"must end in \.csv or \.nc"):
             traced.save(tmp_path / "run.mat")
 

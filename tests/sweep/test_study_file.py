@@ -38,6 +38,13 @@ def test_options_of_some_jobs_alone_are_no_mistake(write):
     assert len(tasks(study_file.read(path), path)) == 4
 
 
+def test_too_many_changes_of_a_case_are_refused_before_a_job_is_made(write, monkeypatch):
+    monkeypatch.setattr(study_file, "Job", None)
+    grid = "{from = 1, to = 9, count = 1001}"
+    with pytest.raises(StudyError, match="more than 1000000 jobs"):
+        study_file.read(write(HEAD + f'set."genrou.1.H" = {grid}\nset."genrou.2.H" = {grid}'))
+
+
 @pytest.mark.parametrize(
     "key", ["characteristic", "lag_s", "storage_model", "storage_energy_mwh", "storage_mva", "converter"]
 )

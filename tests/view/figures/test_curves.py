@@ -174,12 +174,14 @@ def test_estimates_and_commands(cases):
         assert (low, high) == pytest.approx((60e3 * (mid - 3 * sigma).min(), 60e3 * (mid + 3 * sigma).max()))
     assert "seed 5" in figure.get_suptitle()
     assert [ax.get_title(loc="left") for ax in figure.axes] == ["machine 2", "machine 4"]
-    drawn = estimates.commands(found).axes
-    assert labeled(drawn[0])
-    assert len(drawn) == 4
-    for i, ax in enumerate(drawn):
-        assert_curves(ax.lines[:1], found.time, found.true_commands[:, 0, [i]])
-        assert_curves(ax.lines[1:], found.time, found.estimated_commands[:, 0, [i]])
+    assert not np.array_equal(found.estimated_commands[:, 0], found.estimated_commands[:, 1])
+    for row, seed in enumerate((3, 5)):
+        drawn = estimates.commands(found, seed=seed).axes
+        assert labeled(drawn[0])
+        assert len(drawn) == 4
+        for i, ax in enumerate(drawn):
+            assert_curves(ax.lines[:1], found.time, found.true_commands[:, row, [i]])
+            assert_curves(ax.lines[1:], found.time, found.estimated_commands[:, row, [i]])
 
 
 @pytest.mark.parametrize(
