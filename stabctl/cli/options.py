@@ -106,7 +106,7 @@ MissingControls = Annotated[
 ]
 Classical = Annotated[bool, Option("--classical", help="Classical machines, without controls.")]
 Ratio = Annotated[
-    float, Option("--damping", metavar="RATIO", parser=in_unit("-"), help="Damping ratio to reach: 0.05 or 5%.")
+    float, Option("--damping", metavar="RATIO", parser=in_unit("-"), help="Damping ratio wanted: 0.05 or 5%.")
 ]
 Json = Annotated[bool, Option("--json", help="Print one JSON object and nothing else.")]
 Set = Annotated[
