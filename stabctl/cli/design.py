@@ -24,7 +24,6 @@ Report = Annotated[Path | None, Option("--report", help="Write an HTML page on t
 Faults = Annotated[
     list[str] | None, Option("--fault", help="Fault for the clearing times in the report: 7-8@0.4. Repeatable.")
 ]
-Damping = Annotated[float, Option("--damping", min=0.0, max=0.9, help="Damping ratio to reach.")]
 Delay = Annotated[
     str,
     Option("--delay", metavar="TIME", parser=options.in_unit("s"), help="Time from measurement to output, s."),
@@ -89,7 +88,7 @@ def pod(
     read: Input = None,
     driven: Output = None,
     rank: Rank = False,
-    damping: Damping = 0.1,
+    damping: options.Ratio = 0.1,
     spread: Spread = 0.0,
     mode: Mode = None,
     order: Order = None,

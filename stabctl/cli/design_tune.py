@@ -45,7 +45,12 @@ Value = Annotated[
 ]
 Wanted = Annotated[
     float | None,
-    Option("--damping", min=0.0, max=0.9, help="Damping ratio from which the gains are lowered (default: the most)."),
+    Option(
+        "--damping",
+        metavar="RATIO",
+        parser=options.in_unit("-"),
+        help="Damping ratio from which the gains are lowered, 0.1 or 10% (default: the most).",
+    ),
 ]
 OutagesOption = Annotated[bool, Option("--n-1", help="Also tune for the outage of each branch (in Python by default).")]
 Levels = Annotated[str, Option("--levels", metavar="LIST", help="Load levels, such as 0.8,1 (the default in Python).")]

@@ -105,6 +105,9 @@ MissingControls = Annotated[
     Option("--missing-controls", help="Controls without a model: an error, or left out with their outputs constant."),
 ]
 Classical = Annotated[bool, Option("--classical", help="Classical machines, without controls.")]
+Ratio = Annotated[
+    float, Option("--damping", metavar="RATIO", parser=in_unit("-"), help="Damping ratio wanted: 0.05 or 5%.")
+]
 Json = Annotated[bool, Option("--json", help="Print one JSON object and nothing else.")]
 Set = Annotated[
     list[str] | None, Option("--set", metavar="PATH=VALUE", help="Change the case: pss.1.K=10. Repeatable.")

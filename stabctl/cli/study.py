@@ -23,10 +23,6 @@ Clear = Annotated[
     str,
     Option("--clear", metavar="TIME", parser=options.time, help="Clearing time that protection guarantees, s or 6cyc."),
 ]
-Damping = Annotated[
-    float,
-    Option("--damping", metavar="RATIO", parser=options.in_unit("-"), help="Damping ratio wanted: 0.05 or 5%."),
-]
 Worst = Annotated[int, Option("--worst", min=0, help="Number of contingencies simulated, the worst first.")]
 Faults = Annotated[
     str | None,
@@ -50,7 +46,7 @@ Out = Annotated[Path | None, Option("--out", help="Write all tables to FILE.xlsx
 def study(
     *,
     clear: Clear = "6cyc",
-    damping: Damping = 0.05,
+    damping: options.Ratio = 0.05,
     faults: Faults = None,
     contingencies: Contingencies = None,
     subsystems: Subsystems = None,

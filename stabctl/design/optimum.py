@@ -117,8 +117,10 @@ class Optimum(Tabular):
 
     @property
     def fault(self) -> Contingency:
-        """The fault with its clearing time, at the instant for which the schedule was made; without other events."""
-        return replace(self.contingency, at=self.cleared - self.seconds, clear=self.seconds, events=())
+        """The contingency as in the run: its fault at the instant for which the schedule was made, and its events."""
+        one, case, at = self.contingency, self.run.point.case, self.schedule.start
+        events = tuple(replace(e, at=e.at + at - one.starts(case)) for e in one.others(case))
+        return replace(one, at=at, clear=self.seconds, events=events)
 
     @property
     def df(self) -> "pd.DataFrame":

@@ -73,7 +73,7 @@ def pod(
         The input that is driven, such as "order:1@8"; by default that of the best pair.
     damping : float
         Damping ratio to reach. By the residue method it is that of the mode; no other mode of 0.1 to 3 Hz may fall
-        below it, or below what it had. With an order, all modes of 0.1 to 3 Hz shall reach it.
+        below it or, if it was lower before, by more than 0.002. With an order, all modes of 0.1 to 3 Hz shall reach it.
     spread : str or float
         Change of the gain with which the damping must hold too: 0.5 or "50%" for 50 to 150 % of it.
     mode : str or float, Hz, optional

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SLOW, FAST = 0.1, 3.0  # Hz   band of the modes that a design improves
-SLACK = 0.002  # loss of damping ratio allowed to a mode that is not meant
+SLACK = 0.002  # loss of damping ratio allowed to a mode that is not meant: any damper moves the others a little
 GROWING = 1e-6  # 1/s   real part of an eigenvalue from which it counts as growing
 HZ = np.geomspace(0.01, 1000.0, 1001)  # frequencies at which the largest gain is sought
 ENOUGH = "The required damping is reached without the controllers, so they have almost no effect; require more damping."
@@ -45,7 +45,8 @@ class Design:
     reached
         Whether the required damping was reached.
     short
-        Damping ratio that is missing at the worst operating point and gain.
+        Damping ratio that is missing, at the worst operating point and gain, to the mode that is farthest below what it
+        must have; this need not be the least damped one.
     remarks
         What else a user must know, as sentences.
     replaced
@@ -203,8 +204,9 @@ class Design:
         if not self.short:
             return "\n".join([f"{text}: {found}.", *self.remarks])
         (ratio, k), modes = min(((least(m), m) for m in self.after), key=lambda pair: pair[0][0])
-        where = f"{ratio:z.4f} at {modes.frequency_hz[k]:.3f} Hz ({modes.label(k)}), short by up to {self.short:.4f}"
-        return "\n".join([f"{text}: {found}; the required damping is not reached: {where}.", *self.remarks])
+        weakest = f"least damped: {ratio:z.4f} at {modes.frequency_hz[k]:.3f} Hz ({modes.label(k)})"
+        missed = f"the required damping is not reached, a mode is short by up to {self.short:.4f}"
+        return "\n".join([f"{text}: {found}; {missed}; {weakest}.", *self.remarks])
 
     __repr__ = __str__
 
@@ -255,7 +257,7 @@ class Requirement:
         return np.where(inside, ratio - asked, np.where(s.imag < 0, np.inf, outside))
 
     def sparing(self, s: np.ndarray, hz: float) -> "Requirement":
-        """The same for one mode alone, that nearest to a frequency; others of s below it must stay where they are."""
+        """The same for one mode alone, that nearest to a frequency; others of s below it may fall by SLACK."""
         inside = s[_upper(s)]
         ratio, edge = ratios(inside), -GROWING / np.abs(inside)
         least = np.where(ratio < edge, ratio - SLACK, np.maximum(ratio - SLACK, edge))

@@ -112,6 +112,11 @@ class Job(NamedTuple):
         return Contingency(self.fault or None, clear or None, self.trip, at=self.at, impedance=impedance)
 
     @property
+    def law(self) -> BangBang:
+        """The law of the storage devices that no controller drives."""
+        return BangBang(self.deadband, self.min_voltage)
+
+    @property
     def pmu(self) -> Pmu:
         """The PMUs."""
         return Pmu.noisy(self.pmu_rate, self.pmu_noise, self.latency, self.loss)
@@ -177,7 +182,7 @@ def run_job(task: Task) -> Found:
     run = {"clearing-time": _clearing_time, "simulate": _simulate}[task.job.kind]
     job, (case, controllers) = task.job, task.shared
     point = _point(job, case)
-    result, text = run(job, point, _control(job, point, controllers))
+    result, text = run(job, point, control_of(job, bool(point.case.storage), controllers))
     return Found({f.column: value for f, value in zip(fields(Result).values(), result, strict=True)}, text)
 
 
@@ -189,20 +194,15 @@ def _point(job: Job, case: Case) -> OperatingPoint:
     return operating_point.solve(case, flow)
 
 
-def _control(
-    job: Job, point: OperatingPoint, own: Sequence[Controller | Law]
-) -> list[Law | Controller] | EstimatorControl:
-    """Law and controllers; a law if there is storage that no controller orders, or for an estimator to evaluate."""
-    needed = point.case.storage if job.estimator == "ideal" or own else True
-    acts = list(own)
-    if needed and job.control != "none":
-        law = BangBang(job.deadband, job.min_voltage)
-        acts = with_law(own, law)
-        if law not in acts and law != BangBang():
-            raise StudyError(
-                "deadband_hz and min_voltage_pu have no effect, because the bang-bang law is not in use: the study has "
-                "controllers of the orders, or a law from a file; leave them out."
-            )
+def acting(job: Job, storage: bool, own: Sequence[Controller | Law]) -> list[Controller | Law]:
+    """Its controllers, with its law if storage has no other orders, or for an estimator without controllers."""
+    needed = storage if job.estimator == "ideal" or own else True
+    return with_law(own, job.law) if needed and job.control != "none" else list(own)
+
+
+def control_of(job: Job, storage: bool, own: Sequence[Controller | Law]) -> list[Controller | Law] | EstimatorControl:
+    """What acts in the job, behind its estimator."""
+    acts = acting(job, storage, own)
     if job.estimator == "ideal":
         return acts
     if not acts:

@@ -33,12 +33,12 @@ from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
 
 from . import pool, results, study_file
-from .job import FORMAT, OF_DEVICES, SWEEP, Job
+from .job import FORMAT, OF_DEVICES, SWEEP, Job, acting, control_of
 
 if TYPE_CHECKING:
     import pandas as pd
 
-OF_LAWS = "deadband", "min_voltage"  # options of the law of storage, with which estimates are also judged
+OF_LAWS = "deadband", "min_voltage"
 OF_PMUS = "pmu_rate", "pmu_noise", "latency", "loss", "seed"
 
 
@@ -220,14 +220,15 @@ def tasks(jobs: Iterable[Job], path: str | Path) -> tuple[Task, ...]:
         return case, fingerprint(case)
 
     found: dict[str, Task] = {}
-    _idle(path, jobs := tuple(jobs), load)
+    _idle(path, jobs := tuple(jobs), load, controllers)
     for job in jobs:
-        case, own = changed(job.case, job.machines, job.motor_share, job.set)
+        case, content = changed(job.case, job.machines, job.motor_share, job.set)
+        own = controllers(job.controller)
         _check(path, job, case, checked)
-        acting = controllers(job.controller)
-        _signals(path, job, case, acting)
-        key = key_of(job, own, acting)
-        found.setdefault(key, Task(key, job, Shared(case, acting), SWEEP))
+        _possible(path, job, case, own)
+        _signals(path, job, case, own)
+        key = key_of(job, content, own)
+        found.setdefault(key, Task(key, job, Shared(case, own), SWEEP))
     return tuple(found.values())
 
 
@@ -264,21 +265,28 @@ def _changed(path: Path, case: Case, job: Job) -> Case:
         raise StudyError(f"{path}, set.{given}: {error}") from None
 
 
-def _idle(path: Path, jobs: Sequence[Job], load: Callable[[str], Case]) -> None:
-    """Reject options of storage in a study where no job has any, and those of PMUs without an estimator."""
+def _idle(path: Path, jobs: Sequence[Job], load: Callable[[str], Case], controllers: Callable[[str], Any]) -> None:
+    """Reject options that act in no job of the study: of storage, of a law that is not in use, of PMUs."""
+
+    def lawful(job: Job) -> bool:
+        return job.law in acting(job, _stored(job, load(job.case)), controllers(job.controller))
+
     usual = Job("simulate", "")
-    new = {job for job in jobs if job.storage not in ("", "none")}
-    stored = new | {job for job in jobs if not job.storage and load(job.case).storage}
-    seen = {job for job in jobs if job.estimator != "ideal"}
-    for names, acting, lacks in (
-        (OF_DEVICES, new, "devices given with the key storage"),
-        (OF_LAWS, stored | seen, "storage"),
-        (OF_PMUS, seen, "an estimator"),
-    ):
+    uses: tuple[tuple[Iterable[str], Callable[[Job], bool], str], ...] = (
+        (OF_DEVICES, lambda job: job.storage not in ("", "none"), "devices given with the key storage"),
+        (OF_LAWS, lawful, "storage under the bang-bang law"),
+        (OF_PMUS, lambda job: job.estimator != "ideal", "an estimator"),
+    )
+    for names, used, lacks in uses:
         for name in names:
-            given = {job for job in jobs if getattr(job, name) != getattr(usual, name)}
-            if given and not given & acting:
+            given = [job for job in jobs if getattr(job, name) != getattr(usual, name)]
+            if given and not any(map(used, given)):
                 raise StudyError(f"{path}, {fields(Job)[name].column}: it has no effect without {lacks}; leave it out.")
+
+
+def _stored(job: Job, case: Case) -> bool:
+    """Whether a job has storage devices, its own or those of its case."""
+    return job.storage != "none" if job.storage else bool(case.storage)
 
 
 CHECKS: dict[str, Callable[[Case, str], object]] = {
@@ -302,7 +310,6 @@ def _check(path: Path, job: Job, case: Case, checked: set[tuple[str, ...]]) -> N
         except StudyError as error:
             raise StudyError(f"{path}, {name} = {text!r}: {error}") from None
         checked.add((job.case, job.set, name, text))
-    _times(path, job, case.frequency_hz)
     key = (job.case, job.set, job.storage, str(job.devices))
     if job.storage and key not in checked:
         try:
@@ -310,17 +317,22 @@ def _check(path: Path, job: Job, case: Case, checked: set[tuple[str, ...]]) -> N
         except StabctlError as error:
             raise StudyError(f"{path}, storage = {job.storage!r}: {error}") from None
         checked.add(key)
+
+
+def _possible(path: Path, job: Job, case: Case, own: Sequence[Controller | Law]) -> None:
+    """Reject a job in which nothing happens, or whose options exclude each other."""
+    simulated, hz = job.kind == "simulate", case.frequency_hz
+    if not (job.fault or (job.trip and simulated)):
+        also = " or a trip" if simulated else ""
+        raise StudyError(f"{path}: a job needs a fault{also}; give a location such as fault = '83' or '7-8@0.4'.")
     try:
-        _ = job.pmu
+        contingency, _ = job.contingency, control_of(job, _stored(job, case), own)
+        cleared = contingency.cleared(case) if simulated else 0.0
     except StudyError as error:
         raise StudyError(f"{path}: {error}") from None
-
-
-def _times(path: Path, job: Job, hz: float) -> None:
-    """Reject a simulation that ends before its fault is cleared, and a limit below the resolution."""
-    if job.kind == "simulate" and job.clear and job.at + seconds(job.clear, hz) >= job.until:
+    if simulated and cleared >= job.until:
         raise StudyError(f"{path}, until_s = {job.until:g}: the fault is not cleared before that; give a later end.")
-    if job.kind == "clearing-time" and seconds(job.limit, hz) < seconds(job.resolution, hz):
+    if not simulated and seconds(job.limit, hz) < seconds(job.resolution, hz):
         raise StudyError(f"{path}, limit = {job.limit!r}: it is below the resolution of {job.resolution}.")
 
 

@@ -6,6 +6,7 @@ from importlib import import_module
 import pytest
 
 import stabctl as st
+from stabctl.cli.parameters import command
 
 CALLED = {
     "simulate.simulate": st.Case.simulate, "clearing.clearing_time": st.Case.clearing_time,
@@ -31,6 +32,15 @@ def defaults(function, groups=True):
         elif parameter.default is not parameter.empty:
             found[name] = parameter.default
     return found
+
+
+@pytest.mark.parametrize("name", [name for name in CALLED if "damping" in defaults(CALLED[name])])
+def test_a_damping_ratio_may_be_in_percent(name):
+    module, _, function = name.partition(".")
+    made = command(getattr(import_module(f"stabctl.cli.{module}"), function), function)
+    (option,) = (one for one in made.params if one.name == "damping")
+    assert option.type("5%") == option.type("0.05") == 0.05
+    assert option.metavar == "RATIO"
 
 
 def plain(value):

@@ -102,6 +102,18 @@ def test_what_the_record_shows_is_what_was_played(longest):
     assert np.array_equal(again.arrays.angle[:rows], longest.run.arrays.angle[:rows])
 
 
+@pytest.mark.parametrize("at", [0.8, 1.2])
+def test_the_fault_that_repeats_the_run_has_the_other_events_too(cases, at):
+    """Before the fault and after it; the events after clearing keep their time from there."""
+    base = cases("two_area").initialize(storage="50MW")
+    fault = Contingency("7-8@0.4", events=f"7:+20MW@{at}s", after="9:+20MW@0.2s")
+    options = {"window": "0.2s", "rate": 20, "observe": "1s", "longest": 0, "resolution": "1cyc"}
+    found = optimum(base, fault, iterations=1, **options)
+    again = base.simulate(found.fault, float(found.run.time[-1]), control=found.schedule)
+    assert again.time == pytest.approx(found.run.time, abs=1e-9)
+    assert again.arrays.angle == pytest.approx(found.run.arrays.angle, abs=1e-9)
+
+
 def test_orders_that_are_worse_are_not_kept(monkeypatch):
     """Although the fault is survived with them, at every size of the trust region."""
     trial = Trial(_case().initialize(), FAULT, LATE, Search(1.0, observed_s=1.2, step=1 / 120))

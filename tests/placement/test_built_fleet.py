@@ -37,3 +37,12 @@ def test_critical_times_are_those_of_the_system_that_is_built(three, cycles):
     times = [point.clearing_time(one, control=BangBang(), longest=0).cycles for one in faults]
     assert [row.critical_cycles for row in found.contingencies] == times
     assert min(times) >= cycles - 1e-9
+
+
+def test_another_search_repeats_critical_times_on_a_grid_with_the_required_one(three):
+    """About an eighth of a cycle: 12.8 / 102."""
+    wanted = Contingency("2", "12.8cyc", "2-4")
+    found = place(three, [wanted])
+    point, grid = three.with_storage(found.storage()).initialize(), 12.8 / round(12.8 / 0.125)
+    again = point.clearing_time(wanted, control=BangBang(), longest=0, resolution=f"{grid!r}cyc")
+    assert again.cycles == pytest.approx(found.contingencies[0].critical_cycles, rel=1e-12)

@@ -33,7 +33,7 @@ def test_table_4_of_the_paper(stabctl, tmp_path):
 
 def test_a_sweep_continues_and_reports_errors(stabctl, write, tmp_path):
     study, out = (
-        write(PAIR + 'until_s = 1.5\nestimator = "kalman"\ncontrol = ["none", "bang-bang"]'),
+        write(PAIR + 'until_s = 1.5\nestimator = "kalman"\n[[job]]\n[[job]]\ncase = "wscc9"\nmachines = "full"'),
         tmp_path / "results.db",
     )
     code, printed, said = stabctl("sweep", "run", study, "--out", out, "--workers", 1)
@@ -49,7 +49,7 @@ def test_a_sweep_continues_and_reports_errors(stabctl, write, tmp_path):
     code, printed, _ = stabctl("sweep", "show", out)
     assert code == 0
     assert "1 ok, 1 with an error" in printed
-    assert "control none: The estimator 'kalman' needs a control law" in printed
+    assert "The speed of machine 1 at bus 1 of wscc9 cannot be estimated" in printed
     more = write(PAIR + 'until_s = 1.5\nestimator = "kalman"', "more.toml")
     assert stabctl("sweep", "run", more, "--out", out)[0] == 0  # the row is there, and no error
 

@@ -101,9 +101,11 @@ def test_controllers_of_the_command_act_in_every_job(stabctl, write, tmp_path):
     assert "gain.toml" in "".join(shown.split())  # a long path is folded
 
 
-def test_thresholds_of_a_law_that_is_not_in_use_are_refused(write, tmp_path):
+def test_thresholds_of_a_law_that_is_in_use_in_no_job_are_refused(write, tmp_path):
+    """Those of a grid in which some jobs use it are not."""
     gain(2e3).save(tmp_path / "gain.toml")
-    path = write(STUDY.replace('["", "gain.toml"]', '"gain.toml"') + "deadband_hz = 0.3\n")
-    (task,) = tasks(study_file.read(path), path)
-    with pytest.raises(StudyError, match="have no effect, because the bang-bang law is not in use"):
-        run_job(task)
+    text = STUDY + "deadband_hz = 0.3\n"
+    assert len(tasks(study_file.read(path := write(text)), path)) == 2
+    path = write(text.replace('["", "gain.toml"]', '"gain.toml"'))
+    with pytest.raises(StudyError, match="deadband_hz: it has no effect without storage under the bang-bang law"):
+        tasks(study_file.read(path), path)

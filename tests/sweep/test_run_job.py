@@ -121,9 +121,9 @@ def test_the_seed_of_a_clearing_time_is_that_of_its_noise(results, monkeypatch):
 
 
 def test_what_a_job_is_refused_for_is_in_its_row(results):
-    controlled, good = results(SIMULATE + '[[job]]\nestimator = "kalman"\ncontrol = "none"\n[[job]]\n')
-    assert [r.status for r in (controlled, good)] == ["error", "ok"]
-    assert "needs a control law" in controlled.message
+    heavy, good = results(SIMULATE + '[[job]]\nset."loads.7.p" = "9GW"\n[[job]]\n')
+    assert [r.status for r in (heavy, good)] == ["error", "ok"]
+    assert "power flow" in heavy.message
     assert good.outcome == "lost_synchronism"
     assert good.worker
     assert good.version

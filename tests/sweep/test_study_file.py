@@ -21,8 +21,7 @@ from stabctl.sweep.sweep import key_of, tasks
 
 ROOT = Path(__file__).parents[2]
 HEAD = 'kind = "simulate"\ncase = "two_area"\nfault = "7"\nclear = "6cyc"\n'
-
-
+NOTHING = HEAD.replace('fault = "7"\n', "")
 CLEARING = 'kind = "clearing-time"\ncase = "two_area"\nfault = "7"\n'
 
 
@@ -36,6 +35,13 @@ def test_options_of_some_jobs_alone_are_no_mistake(write):
         HEAD + "deadband_hz = 0.2\nlatency_ms = 100\nstorage = ['none', '50MW']\nestimator = ['ideal', 'kalman']"
     )
     assert len(tasks(study_file.read(path), path)) == 4
+    path = write(HEAD + "storage = '50MW'\ndeadband_hz = [0.1, 0.2]\ncontrol = ['none', 'bang-bang']")
+    assert len(tasks(study_file.read(path), path)) == 4
+
+
+def test_circuits_may_open_without_a_fault(write):
+    path = write(NOTHING + "trip = '7-8'")
+    assert len(tasks(study_file.read(path), path)) == 1
 
 
 def test_too_many_changes_of_a_case_are_refused_before_a_job_is_made(write, monkeypatch):
@@ -132,6 +138,15 @@ def test_groups_belong_together_and_lie_over_what_stands_above(write):
         (HEAD + "estimator = 'kalman'\npmu_rate = 61", "not possible; choose one of"),
         (HEAD + "latency_ms = [50, 100]", "latency_ms: it has no effect without an estimator"),
         (HEAD + "deadband_hz = [0.1, 0.2]\nstorage = 'none'", "deadband_hz: it has no effect without storage"),
+        (
+            HEAD + "storage = '50MW'\ncontrol = 'none'\nmin_voltage_pu = 0.7",
+            "min_voltage_pu: it has no effect without st",
+        ),
+        (NOTHING, "a job needs a fault or a trip"),
+        (HEAD + "control = ['bang-bang', 'none']\nestimator = 'kalman'", "The estimator 'kalman' needs a control law"),
+        (NOTHING + "trip = '7-8'\nfault_x_pu = 0.1", "The impedance is that of a fault, and there is none"),
+        (HEAD.replace("6cyc", ""), "The fault at 7 is never cleared"),
+        (CLEARING.replace('"7"', '""') + "trip = '7-8'", "a job needs a fault; give a location"),
         (HEAD + "storage = '50MW'\nstorage_model = 'flywheel'", "energy, which must be limited"),
         (HEAD + "machines = 'classical'\nset.'pss.1.K' = [1, 2]", "set.pss.1.K = 1: it has no effect with machines"),
         (HEAD + "until_s = 1.1", "until_s = 1.1: the fault is not cleared before that"),

@@ -89,7 +89,7 @@ def tune(
         Share of the limits of every controller that three standard deviations of its noise, given with the device, must
         leave. The loop may amplify the noise by as much as its sensitivity.
     check_levels : iterable of float
-        Load levels at which the result is checked, with all outages, without being tuned for.
+        Load levels at which the result is checked, with the same outages, without being tuned for.
     checks : int
         Most critical line faults whose clearing times are compared, of a screen of the case as it is; 0: none.
     starts : int
