@@ -84,18 +84,18 @@ def stepped(base, controllers, inputs, outputs, period):
     frame = control.ss(plant.A, plant.B, np.eye(n), np.zeros((n, m))).sample(1 / 60)
     sizes = [1 + len(c.A) + c.frames for c in controllers]
     start = np.eye(n + sum(sizes) + len(inputs))
-    x, *own, more = np.split(start, np.cumsum([n, *sizes]))
+    seen, (x, *own, more) = [], np.split(start, np.cumsum([n, *sizes]))
     own = [list(np.split(rows, [1, 1 + len(c.A)])) for c, rows in zip(controllers, own, strict=True)]
     for k in range(round(60 * period)):
         y = plant.C @ x + plant.D @ np.vstack([*(held for held, _, _ in own), more])
-        first = y if k == 0 else first
+        seen.append(y)
         for i, c in enumerate(controllers):
             if k % (60 // c.rate) == 0:
                 _, z, line = own[i]
                 line = np.vstack([line, c.C @ z + c.D @ y[i : i + 1]])
                 own[i] = [line[:1], c.A @ z + c.B @ y[i : i + 1], line[1:]]
         x = frame.A @ x + frame.B @ np.vstack([*(held for held, _, _ in own), more])
-    return np.vstack([x, *(rows for one in own for rows in one)]), first[len(controllers) :]
+    return np.vstack([x, *(rows for one in own for rows in one)]), seen[0][len(controllers) :]
 
 
 @pytest.mark.parametrize("rates", [(60, 60), (60, 30)])
