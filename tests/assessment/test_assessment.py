@@ -48,6 +48,16 @@ def test_every_part_is_that_of_the_single_study(base, study):
         assert run.outcome.stable == margin.secure
 
 
+def test_the_worst_are_simulated_with_the_control(base):
+    point, law = base.case.initialize(storage="400MW"), st.BangBang()
+    found = point.study("5cyc", faults="lines", worst=1, control=law, remedies="none", **QUICK)
+    ((contingency, until),) = found.runs
+    (run,) = found.worst
+    with_law, without = (point.simulate(contingency, until, control=one) for one in (law, None))
+    assert np.array_equal(run.rows, with_law.rows)
+    assert np.abs(with_law.arrays.angle - without.arrays.angle).max() > 0.1
+
+
 def test_margins_are_sorted_and_judged(study):
     required = study.wanted.cycles
     assert required == 10

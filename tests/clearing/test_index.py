@@ -50,12 +50,13 @@ def test_a_severity_is_that_of_a_single_run(ieee39, points):
 
 
 def test_the_order_is_that_with_the_control(cases, tmp_path):
-    """A store keeps it apart from that without."""
+    """A store keeps it apart from that without. A run ends when the screen no longer observes."""
     point, orders = operating_point.operating_point(cases("two_area"), "400MW"), []
     for control in (None, BangBang()):
-        found, told, _ = watched(point, **QUICK, control=control, store=tmp_path)
+        found, told, _ = watched(point, **QUICK, observe="1.3s", control=control, store=tmp_path)
         wanted = list(severities(point, [p.contingency for p in found.pairs], control, found.search))
         assert told == sorted(wanted, key=lambda one: one.order)
+        assert [one.time_s for one in told if one.stable] == pytest.approx([CLEARED + 1.3] * len(told), abs=1e-6)
         orders.append([one.contingency for one in told])
     assert orders[0] != orders[1]
 
