@@ -19,6 +19,7 @@ from stabctl._util.errors import StudyError
 from stabctl.assessment import study as study_function
 from stabctl.clearing import Severity
 from stabctl.judgment import criteria
+from stabctl.smallsignal import Selected
 from stabctl.view.pages import study_page
 
 study_module = sys.modules[study_function.__module__]
@@ -47,6 +48,16 @@ def test_every_part_is_that_of_the_single_study(base, study):
         assert run.outcome.stable == margin.secure
 
 
+def test_the_worst_are_simulated_with_the_control(base):
+    point, law = base.case.initialize(storage="400MW"), st.BangBang()
+    found = point.study("5cyc", faults="lines", worst=1, control=law, remedies="none", **QUICK)
+    ((contingency, until),) = found.runs
+    (run,) = found.worst
+    with_law, without = (point.simulate(contingency, until, control=one) for one in (law, None))
+    assert np.array_equal(run.rows, with_law.rows)
+    assert np.abs(with_law.arrays.angle - without.arrays.angle).max() > 0.1
+
+
 def test_margins_are_sorted_and_judged(study):
     required = study.wanted.cycles
     assert required == 10
@@ -73,6 +84,24 @@ def test_the_limits_themselves_are_allowed(study, beyond, secure):
     at = replace(study, wanted=study.wanted._replace(voltages=(low + beyond, 2.0)))
     assert bool(at.low_or_high) != secure
     assert secure or at.low_or_high == ((8, low),)
+
+
+@pytest.mark.parametrize("damping", [0.2, 0.4])
+def test_of_a_large_system_every_oscillation_below_the_damping_wanted_is_told(base, monkeypatch, damping):
+    """Modes of a band are found up to that ratio: those that are poorly damped are the same as of all modes."""
+
+    def poorly():
+        found = base.study("1cyc", faults=["8"], damping=damping, worst=0, remedies="none", **QUICK)
+        values = found.modes.eigenvalues
+        return isinstance(found.modes, Selected), np.sort_complex(values[list(found.poorly_damped)])
+
+    few, whole = poorly()
+    assert not few
+    assert (-whole.real / np.abs(whole) > 0.3).any() == (damping > 0.3)
+    monkeypatch.setattr("stabctl.smallsignal.analysis.LARGE", 10)
+    few, found = poorly()
+    assert few
+    assert found == pytest.approx(whole, rel=1e-9)
 
 
 def test_an_oscillation_outside_the_band_is_not_the_least_damped_one(study):

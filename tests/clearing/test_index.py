@@ -3,7 +3,7 @@
 import pytest
 
 from stabctl.clearing import Trial, screen
-from stabctl.clearing.index import CLEARED, INDEX, WATCHED
+from stabctl.clearing.index import CLEARED, INDEX, WATCHED, severities
 from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.jobs.store import rows
@@ -47,6 +47,18 @@ def test_a_severity_is_that_of_a_single_run(ieee39, points):
         assert run.max_angle_from_coi_deg == pytest.approx(one.swing_deg)
     assert str(severities[0]).startswith("lost after 0.")
     assert str(severities[-1]) == f"angles change by {severities[-1].swing_deg:.0f} degrees"
+
+
+def test_the_order_is_that_with_the_control(cases, tmp_path):
+    """A store keeps it apart from that without. A run ends when the screen no longer observes."""
+    point, orders = operating_point.operating_point(cases("two_area"), "400MW"), []
+    for control in (None, BangBang()):
+        found, told, _ = watched(point, **QUICK, observe="1.3s", control=control, store=tmp_path)
+        wanted = list(severities(point, [p.contingency for p in found.pairs], control, found.search))
+        assert told == sorted(wanted, key=lambda one: one.order)
+        assert [one.time_s for one in told if one.stable] == pytest.approx([CLEARED + 1.3] * len(told), abs=1e-6)
+        orders.append([one.contingency for one in told])
+    assert orders[0] != orders[1]
 
 
 def test_no_answer_depends_on_the_order(ieee39, points):

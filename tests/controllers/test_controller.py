@@ -304,6 +304,20 @@ def test_a_sampled_controller_keeps_its_delay_in_whole_frames():
     assert late.sampled(60, delay="16.67ms").delay == 1 / 60
 
 
+@pytest.mark.parametrize("rate", [None, 50])
+def test_a_controller_in_python_control_is_continuous_or_sampled(rate):
+    """Not of any time base, which would join both kinds; back from there it is the same controller."""
+    block = control.ss([[-3.0, 1.0], [0.0, -7.0]], [[1.0, 0.2], [0.3, 2.0]], [[5.0, 0.5]], [[0.7, -0.1]])
+    one = st.Controller.from_control(block, "deviation:1, speed:2", "order:1@5", rate=rate, name="pod")
+    system = one.to_control()
+    assert system.dt == (1 / rate if rate else 0)
+    with pytest.raises(ValueError, match="timebases"):
+        control.append(system, control.ss(-1, 1, 1, 0, 0 if rate else 1 / 50))
+    again = st.Controller.from_control(system, one.inputs, one.outputs)
+    assert again.rate == rate
+    assert all(np.array_equal(getattr(again, key), getattr(one, key)) for key in "ABCD")
+
+
 def test_a_complex_output_is_no_output(base):
     law = st.Controller.from_function(lambda seen: 1j, "deviation:1", "order:1@5")
     with pytest.raises(StudyError, match="returned 1j at"):

@@ -2,15 +2,19 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 import scipy.linalg as sl
 from ringdown import errors, ringdown
+from uneven import uneven_point
 
 import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.design import lqg, lqr, quadratic
+from stabctl.design.lqg import response
+from stabctl.dynamics.signals import INPUTS, OUTPUTS, chosen
 
 
 @pytest.fixture(scope="module")
@@ -26,6 +30,19 @@ def measured(base):
 @pytest.fixture(scope="module")
 def late(base):
     return lqg(base, rate=60, delay="50ms")
+
+
+@pytest.fixture(scope="module")
+def whole():
+    """Options -> a regulator of an uneven system, all of whose states it estimates."""
+
+    @cache
+    def make(*options):
+        point = uneven_point()
+        drives, reads = "order:7@20, order:3@30", "deviation:7, flow:10-30"
+        return lqg(point, drives, reads, order=len(point.linearize().A), **{"angle": "2deg"} | dict(options))
+
+    return lambda **options: make(*options.items())
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -89,6 +106,42 @@ def test_estimator_and_regulator_are_separate(base):
     assert (~same).sum() >= 10
     k = np.argmin(np.abs(loops[0] - 3.8j))  # the inter-area mode is one of the regulator
     assert near[k] < 1e-6
+
+
+@pytest.mark.parametrize(
+    "units",
+    [{"speed": 0.3, "angle": "6deg", "effort": 3.0}, {"disturbance": "30MW", "noise": 3.0}],
+    ids=["cost", "noise"],
+)
+def test_the_units_of_the_cost_and_of_the_noise_do_not_matter(whole, units):
+    """Only what counts against what: all states kept, a regulator is the same with all weights or all noise times 3."""
+    ours, same = whole(), whole(**units)
+    for w in (1.0, 7.0, 40.0, 180.0):
+        wanted = response(ours.controller, w)
+        assert np.abs(response(same.controller, w) - wanted).max() < 1e-7 * np.abs(wanted).max()  # 1e-9
+    for margins in ("full", "own"):
+        wanted = vars(getattr(ours, margins))
+        assert vars(getattr(same, margins)) == pytest.approx(wanted, rel=1e-4)
+    if "effort" in units:
+        one, other = (lqr(uneven_point(), inputs="angle, speed", **how) for how in ({"angle": "2deg"}, units))
+        assert np.abs(one.controller.D - other.controller.D).max() < 1e-7 * np.abs(one.controller.D).max()
+
+
+def test_the_loop_of_its_margins_returns_1_at_every_mode(whole):
+    """The line power follows the orders at once; a frame sees those before it."""
+    found = whole()
+    cost = quadratic.quadratic(
+        uneven_point(),
+        chosen(uneven_point().case, found.controller.outputs, INPUTS),
+        quadratic.Weights(),
+        chosen(uneven_point().case, found.controller.inputs, OUTPUTS),
+    )
+    assert cost.D.any()
+    seen = quadratic.plant(cost.modes, cost.C, cost.D, 60)
+    modes = uneven_point().closed_loop(found.controller).modes()
+    for s in modes.eigenvalues[modes.swings()]:
+        loop = response(found.controller, -1j * s) @ seen(-1j * s)
+        assert abs(np.linalg.det(np.eye(2) - loop)) < 1e-6
 
 
 def test_a_smaller_observer_loses_little(base, late):

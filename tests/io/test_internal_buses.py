@@ -23,6 +23,7 @@ THREE = [
     "0.002,0.1,100,0.002,0.06,100,0.002,0.12,100,1,0",
     *["1,0,0,100,100,100,0,0,1.1,0.9,1.1,0.9,33,0,0,0,0"] * 3,
 ]
+MACHINES = (1, 50, 11, 1.02), (2, 70, -7, 1.03)  # bus, MW, Mvar, pu
 WHOLE = {
     "bus": BUSES,
     "load": ["3,'1',1,1,1,60,20,0,0,0,0,1,1,0", "4,'1',1,1,1,30,10,0,0,0,0,1,1,0"],
@@ -57,6 +58,20 @@ def test_internal_buses_are_told_by_their_names(case, stabctl, tmp_path):
     assert [row.split("\t")[0] for row in out.splitlines() if "(" in row and "\t" in row] == [
         "11 (star 3-4-5)", "12 (terminal 1/1)", "13 (terminal 2/1)",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("r", "x"), [(0.004, 0), (0, 0.1), (0.004, 0.1), (0, 0)])
+def test_a_step_up_transformer_has_resistance_or_reactance_or_both(tmp_path, r, x):
+    """RT + jXT is in per unit of MBASE; the machine produces its losses on top of PG and QG."""
+    rows = [f"{bus},'1',{p},{q},99,-99,{v},0,200,0,0.2,{r},{x},0.96,1,100" for bus, p, q, v in MACHINES]
+    case = st.load(written(tmp_path, gen=rows))
+    step_up = [b for b in case.branches if b.tap == 0.96]
+    assert len(step_up) == 2 * bool(r or x)
+    for branch in step_up:
+        assert complex(branch.r, branch.x) == pytest.approx(complex(r, x) * 100 / 200)
+    for machine, (_, p, q, v) in zip(case.machines, MACHINES, strict=True):
+        lost = complex(r, x) * (abs(complex(p, q)) / (v / 0.96)) ** 2 / 200
+        assert complex(machine.p, machine.q) == pytest.approx(complex(p, q) + bool(r or x) * lost)
 
 
 def test_criteria_with_rated_voltages_leave_them_out(case, tmp_path):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from filters import PSS, WASHOUT
 from ringdown import errors, modal_pole, ringdown
+from uneven import uneven_point
 
 import stabctl as st
 from stabctl._util.errors import StudyError
@@ -74,6 +75,45 @@ def test_the_ringdown_is_the_eigenvalue_of_the_closed_loop(thyristor, name):
     frequency, decay = errors(poles, wanted)
     assert frequency < 1e-5  # at most 6.6e-6
     assert decay < tolerance
+
+
+def stepped(base, controllers, inputs, outputs, period):
+    """The map over a period (s) and the outputs at its start, of unit vectors stepped frame by frame at 60/s."""
+    plant = base.linearize([c.outputs[0] for c in controllers] + inputs, [c.inputs[0] for c in controllers] + outputs)
+    n, m = plant.B.shape
+    frame = control.ss(plant.A, plant.B, np.eye(n), np.zeros((n, m))).sample(1 / 60)
+    sizes = [1 + len(c.A) + c.frames for c in controllers]
+    start = np.eye(n + sum(sizes) + len(inputs))
+    seen, (x, *own, more) = [], np.split(start, np.cumsum([n, *sizes]))
+    own = [list(np.split(rows, [1, 1 + len(c.A)])) for c, rows in zip(controllers, own, strict=True)]
+    for k in range(round(60 * period)):
+        y = plant.C @ x + plant.D @ np.vstack([*(held for held, _, _ in own), more])
+        seen.append(y)
+        for i, c in enumerate(controllers):
+            if k % (60 // c.rate) == 0:
+                _, z, line = own[i]
+                line = np.vstack([line, c.C @ z + c.D @ y[i : i + 1]])
+                own[i] = [line[:1], c.A @ z + c.B @ y[i : i + 1], line[1:]]
+        x = frame.A @ x + frame.B @ np.vstack([*(held for held, _, _ in own), more])
+    return np.vstack([x, *(rows for one in own for rows in one)]), seen[0][len(controllers) :]
+
+
+@pytest.mark.parametrize("rates", [(60, 60), (60, 30)])
+@pytest.mark.parametrize("late", [0, 1, 3])
+def test_a_period_is_its_frames_one_by_one(rates, late):
+    """A frame sees the line power that the order held before moves at once; the controllers differ."""
+    base = uneven_point()
+    one = st.Controller.from_control(-3 * WASHOUT, "flow:10-30", "order:7@20", rate=rates[0], delay=late / 60)
+    two = st.Controller.from_control(PSS, "pe:7", "vs:3", rate=rates[1], delay=2 * late / 60)
+    assert one.D.any()
+    assert base.linearize("order:7@20", "flow:10-30, pe:7").D.all()
+    inputs, outputs = ["order:3@30", "storage:10"], ["flow:30-40", "voltage:30"]
+    loop = base.closed_loop(one, two, inputs=inputs, outputs=outputs)
+    n = len(loop.A)
+    end, seen = stepped(base, [one, two], inputs, outputs, loop.period)
+    M, G, _ = loop.transition()
+    for found, wanted in ((M, end[:, :n]), (G, end[:, n:]), (loop.C, seen[:, :n]), (loop.D, seen[:, n:])):
+        assert np.abs(found - wanted).max() < 1e-9 * np.abs(wanted).max()
 
 
 def device_of(base, machine):

@@ -246,6 +246,7 @@ def test_limits_with_linear_stabilizers(cases):
     alone, both = (base.limit_cycles(trial.controller(base), *more) for more in ((), pss))
     assert both.cycles[0].frequency_hz != pytest.approx(alone.cycles[0].frequency_hz, rel=1e-4)
     cycle = both.cycles[0]
+    assert [one.signal for one in cycle.signals] == ["deviation:1"]  # what the relay reads
     equivalent = -1 / cycle.inverse
     linear = st.Controller.from_control(control.ss([], [], [], equivalent), "deviation:1", "order:1@5", rate=60)
     values = base.closed_loop(linear, *pss).modes().eigenvalues

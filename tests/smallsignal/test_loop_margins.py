@@ -5,9 +5,13 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from uneven import uneven_point
 
 import stabctl as st
 from stabctl._util.errors import StudyError
+from stabctl.dynamics.named import all_named
+from stabctl.dynamics.signals import OUTPUTS, chosen
+from stabctl.smallsignal.opened_loop import LINEAR, OpenedLoop
 
 S = control.tf("s")
 WASHOUT = 200 * 3 * S / (1 + 3 * S) / (1 + 0.05 * S)
@@ -79,6 +83,33 @@ def test_the_margins_are_those_of_python_control(base, name):
     assert found.distance == pytest.approx(np.abs(1 + L).min(), rel=1e-4)
     assert 20 * np.log10(found.disk_gain) == pytest.approx(gain_db, rel=1e-3)
     assert found.disk_phase_deg == pytest.approx(phase, rel=1e-3)
+
+
+@pytest.mark.parametrize("delay", ["0ms", "50ms"])
+def test_a_frame_reads_what_the_outputs_before_it_move_at_once(delay):
+    """The loop gain is E K (C (z - P)^-1 G + D / z), and returns 1 at every mode of the closed loop."""
+    base = uneven_point()
+    one = st.Controller.from_control(-3 * S / (1 + S), "flow:10-30", "order:7@20", rate=60, delay=delay)
+    two = st.Controller.from_control(PSS, "pe:7", "vs:3", rate=60, delay="100ms")
+    smooth = st.Controller.from_control(PSS, "speed:3", "vs:7")
+    reads = chosen(base.case, "flow:30-40, pe:7", OUTPUTS)
+    loop = OpenedLoop(base, all_named(base, [one, two, smooth]), [LINEAR, LINEAR, None], reads)
+    plant = base.linearize("order:7@20, vs:3, vs:7", "flow:10-30, pe:7, speed:3, flow:30-40").to_control()
+    assert (plant.D[[0, 1, 3], 0] != 0).all()
+    back = np.eye(3)[:, 2:] * smooth.to_control() * np.eye(4)[2:3]
+    closed = control.feedback(plant, back, sign=1)
+    A, B, C, D = closed.A, closed.B[:, :2], closed.C[[0, 1, 3, 1]], closed.D[[0, 1, 3, 1], :2]
+    held = control.ss(A, B, C, 0 * D).sample(1 / 60)
+    for s in (0.1 + 2j, -0.3 + 11j, 90j):
+        z = np.exp(s / 60)
+        y = held(z) + D / z
+        K = [c.to_control()(z) * z**-c.frames for c in (one, two)]
+        G, signals = loop(s)
+        assert np.abs(G - np.diag(K) @ y[:2]).max() < 1e-9 * np.abs(G).max()
+        assert np.abs(signals - y[2:]).max() < 1e-9 * np.abs(y).max()
+    modes = base.closed_loop(one, two, smooth).modes()
+    for s in modes.eigenvalues[modes.swings()]:
+        assert abs(np.linalg.det(np.eye(2) - loop(s)[0])) < 1e-7
 
 
 @pytest.mark.parametrize("options", [{"rate": 60}, {"rate": 60, "delay": "100ms"}, {"delay": "100ms"}, {}], ids=str)

@@ -60,7 +60,7 @@ def feedback(comparison: FeedbackComparison) -> "Figure":
     """Plot speed against angle for each feedback law, on the same scale."""
     laws = comparison.responses
     figure, axes = subplots(10, 8, -(-len(laws) // 2), 2, sharex=True, sharey=True)
-    for ax, response in zip(axes.flat, laws, strict=False):
+    for ax, response in zip(axes.flat[: len(laws)], laws, strict=True):
         _boundary(ax, comparison.separatrix)
         ax.plot(response.curve.angle, response.curve.speed, lw=1)
         ax.plot(comparison.start, 0, "ko", ms=4)

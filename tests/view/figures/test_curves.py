@@ -18,7 +18,7 @@ from stabctl.simulation.channels import QUANTITIES
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulate import simulate
 from stabctl.smallsignal import analyze, linearize
-from stabctl.theory.feedback_laws import compare
+from stabctl.theory.feedback_laws import FeedbackLaw, compare, paper_laws
 from stabctl.theory.minimum_time import by_shooting
 from stabctl.theory.omib import OMIB
 from stabctl.theory.phase_plane import portrait
@@ -314,8 +314,13 @@ def test_one_machine():
     for ax, values in zip(swing.axes, (curve.angle, curve.speed, curve.power), strict=True):
         assert_curves(ax.lines[:1], curve.t, values[:, None])
         assert vertical(ax) == [curve.clearing]
-    laws = compare(m)
-    for ax, response in zip(one_machine.feedback(laws).axes, laws.responses, strict=True):
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 4, 5])
+def test_every_feedback_law_has_its_axes(number):
+    laws = compare(OMIB(), laws=(*paper_laws(), FeedbackLaw("both, larger", 0.03, 0.002))[:number])
+    drawn = [ax for ax in one_machine.feedback(laws).axes if ax.lines]
+    for ax, response in zip(drawn, laws.responses, strict=True):
         assert data(ax.lines[2])[1] == pytest.approx(response.curve.speed)
         assert ax.get_title() == f"{response.name}: peak {response.peak_angle:.3f} rad"
 
