@@ -114,8 +114,8 @@ def place(
     observe : str or float
         Observation window after the last event: "5s", or seconds.
     longest : str or float
-        Longest time simulated after clearing, while the swings do not decay, as in `clearing_time`: "20s"; by default
-        never more than `observe`.
+        Longest time simulated after the last event, while the swings do not decay, as in `clearing_time`: "20s"; by
+        default never more than `observe`.
     step, criterion
         As in `simulate`.
     criteria
