@@ -42,7 +42,7 @@ class Rotors(NamedTuple):
 
 
 class Angle(NamedTuple):
-    """An angle that is judged as that of a rotor, without weight in a center of inertia.
+    """An angle that is judged as that of a rotor, without weight in the center of inertia of rotors.
 
     That of a phase-locked loop, or of the virtual rotor of a grid-forming storage device.
     """
@@ -52,19 +52,20 @@ class Angle(NamedTuple):
     place: int  # among the states
     virtual: bool  # that of a virtual rotor, or else of a phase-locked loop
     name: str  # in messages, such as "ESD 1@2"
-    frequency: int  # place of the frequency of the phase-locked loop, -1: none
-    least: float  # pu   of this frequency
+    frequency: int  # place of the frequency of the phase-locked loop, or of the virtual speed; -1: none
+    inertia: float  # s   on the system base, its weight in an island without rotors; 0 of a phase-locked loop
+    least: float  # pu   of its frequency
     most: float  # pu
 
 
 class Unweighted(NamedTuple):
-    """All angles without weight in a center of inertia, as columns."""
+    """All angles without weight in the center of inertia of rotors, as columns."""
 
     rows: tuple[Angle, ...]
 
-    def column(self, name: str) -> np.ndarray:
-        """The column of this name, of integers."""
-        return np.array([getattr(row, name) for row in self.rows], np.int64)
+    def column(self, name: str, kind: type = np.int64) -> np.ndarray:
+        """The column of this name."""
+        return np.array([getattr(row, name) for row in self.rows], kind)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +98,7 @@ class System:
 
     @property
     def unweighted(self) -> Unweighted:
-        """The angles without weight in a center of inertia, of devices with a rating above 0."""
+        """The angles without weight in the center of inertia of rotors, of devices with a rating above 0."""
         return Unweighted(tuple(sorted(row for f in self.families for row in _angles(f, self.layout.nx))))
 
     @property
@@ -125,14 +126,16 @@ def _angles(f: Family, nx: int) -> Iterator[Angle]:
     if name is None:
         return
     states, outputs, constants = (f.device.fields(record) for record in ("State", "Output", "Par"))
-    for w, k, key in zip(f.w, f.k, f.keys, strict=True):
+    speed, own = ("wpll", None) if f.device.pll else ("omega", _inertia(f))
+    inertia = np.zeros(len(f.w)) if own is None else own
+    for w, k, key, H in zip(f.w, f.k, f.keys, inertia, strict=True):
         p = dict(zip(constants, k, strict=True))
-        frequency = int(w[-1]) + outputs.index("wpll") if "wpll" in outputs else -1
+        frequency = int(w[-1]) + outputs.index(speed) if speed in outputs else -1
         range_ = (1 + p[limit] / p["wb"] if limit in p else inf for limit, inf in (("wmin", -np.inf), ("wmax", np.inf)))
         unit = NO_UNIT if storage else int(w[family.UNIT])
         if not storage or p["mva"] > 0:
             bus, place = (int(w[family.BUS]) - nx) // 2, int(w[family.STATE]) + states.index(name)
-            yield Angle(unit, bus, place, not f.device.pll, key, frequency, *range_)
+            yield Angle(unit, bus, place, not f.device.pll, key, frequency, float(H), *range_)
 
 
 def system(case: Case, flow: PowerFlow, net: Network) -> System:
@@ -176,7 +179,7 @@ def _rotors(families: Iterable[Family], unit: Mapping[str, list[int]]) -> Rotors
     found: list[tuple[int, int, int, float, bool]] = []
     for f in families:
         inertia, states = _inertia(f), f.device.State._fields
-        if inertia is not None:
+        if inertia is not None and f.device.role != "storage":
             angle = f.w[:, family.STATE] + states.index("delta")
             if "omega" in states:
                 speed = f.w[:, family.STATE] + states.index("omega")

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stabctl import devices
 from stabctl._util.errors import StudyError
 from stabctl.devices.loads import zip_load
 from stabctl.devices.sensors import bus_frequency, rocof
@@ -131,9 +132,15 @@ def place(point: OperatingPoint, signal: Signal) -> int:
         row = naming.row(case, "storage", str(signal.place))
         at = int(getattr(storage.places(point.system, case), signal.kind)[row])
         if at < 0:
+            plant = "repc_RefFlag" in devices.every()[case.storage[row].device].Par._fields
+            flags, has, advice = "repc_RefFlag=1" if plant else "QFlag=1 VFlag=0", "has no", "set repc_RefFlag=1"
+            if signal.kind == "order_q":
+                has, advice = f"with {flags} follows its", "give order_v"
+            elif not plant:
+                advice = f"make it grid-forming, or grid-following with {flags}"
             raise StudyError(
-                f"The storage device {signal.place} of {case.name} has no voltage reference, so order_v has no effect "
-                "on it; make it grid-forming, or grid-following with QFlag=1 VFlag=0."
+                f"The storage device {signal.place} of {case.name} {has} voltage reference, so {signal.kind} has no "
+                f"effect on it; {advice}."
             )
         return at
     found: int | None

@@ -20,7 +20,7 @@ class Places(NamedTuple):
     bus: np.ndarray  # of the real part of the voltage; the imaginary part follows
     unit: np.ndarray  # rows of the machines that they belong to
     order: np.ndarray
-    order_q: np.ndarray
+    order_q: np.ndarray  # -1: it has no effect, because the device follows its voltage reference alone
     order_v: np.ndarray  # -1: the device has no voltage reference
     energy: np.ndarray
     P: np.ndarray
@@ -63,10 +63,11 @@ def by_table(case: Case) -> list[int]:
 def _of(f: Family, j: int) -> tuple[Any, ...]:
     w, inputs, outputs = f.w[j], f.device.Input._fields, f.device.Output._fields
     energy = w[family.STATE] + f.device.State._fields.index("energy")
-    orders = (w[family.INPUTS + inputs.index(name)] for name in ("order", "order_q"))
+    order, order_q = (w[family.INPUTS + inputs.index(name)] for name in ("order", "order_q"))
     order_v = w[family.INPUTS + inputs.index("order_v")] if _holds_voltage(f, j) else -1
+    order_q = -1 if order_v >= 0 and f.device.source is None else order_q  # grid-forming devices follow both
     shown = (w[-1] + outputs.index(name) for name in ("P", "Q", "charge"))
-    return (w[family.BUS], w[family.UNIT], *orders, order_v, energy, *shown, f.keys[j])
+    return (w[family.BUS], w[family.UNIT], order, order_q, order_v, energy, *shown, f.keys[j])
 
 
 def _holds_voltage(f: Family, j: int) -> bool:

@@ -35,12 +35,29 @@ def beyond_range(k, run, rules):
     return max(rules.min_frequency - speed, speed - rules.max_frequency)
 
 
+@inline
+def time_outside(j, k, run, rules, h):
+    """The longest time that island k was outside the frequency range in a step; angle j, rotors first, counts it."""
+    off, now = run.watch.off, beyond_range(k, run, rules)
+    off[0, j], longest = time_beyond(off[0, j], off[2, j], now, h)
+    off[1, j], off[2, j] = max(off[1, j], longest), now
+    return longest
+
+
+@inline
+def island_alone(i, places, net):
+    """The island that an angle without weight among rotors turns; -1 if rotors do."""
+    return net.island_at[places.other_bus[i]] if places.other_weight[i] > 0 else -1
+
+
 @noinline
 def measure_excess(places, net, run, rules):
     """Store how far frequencies and voltages are beyond their limits at the first step after an event."""
     coi(places.weight, places, net, run)
     for i in range(len(places.rotor)):
         run.watch.off[2, i] = beyond_range(net.island[places.unit[i]] if places.judged[i] else -1, run, rules)
+    for i in range(len(places.other)):
+        run.watch.off[2, len(places.rotor) + i] = beyond_range(island_alone(i, places, net), run, rules)
     for j in range(len(places.watch_bus)):
         v = run.volt[places.watch_bus[j]]
         run.watch.low[1, j] = places.watch_low[j] - magnitude(v.real, v.imag)
@@ -90,17 +107,23 @@ def judge(places, net, run, rules, h):
             verdict, worst, notes[NOTE.rotor] = SLIPPED, move, i
         if verdict == DONE and not rules.slowest < speed < rules.fastest:
             verdict, notes[NOTE.rotor] = RUNAWAY, i
-        now = beyond_range(k if places.judged[i] else -1, run, rules)
-        watch.off[0, i], longest = time_beyond(watch.off[0, i], watch.off[2, i], now, h)
-        watch.off[1, i], watch.off[2, i] = max(watch.off[1, i], longest), now
+        longest = time_outside(i, k if places.judged[i] else -1, run, rules, h)
         if verdict == DONE and 0 < rules.frequency_delay_s < longest:
             verdict, notes[NOTE.rotor], late[0] = FREQUENCY, i, longest - rules.frequency_delay_s
     for i in range(len(places.other)):
-        k = net.island[places.other_unit[i]] if places.other_unit[i] >= 0 else net.island_at[places.other_bus[i]]
+        k, j = net.island_at[places.other_bus[i]], len(places.rotor) + i
+        if places.other_unit[i] >= 0:
+            k = net.island[places.other_unit[i]]
         if verdict == DONE and k >= 0 and watch.coi[0, k] > 0:
             move = abs(run.s[places.other[i]] - watch.others[i] - watch.coi[2, k] / watch.coi[0, k])
             if not move < rules.max_angle:
-                verdict, notes[NOTE.rotor] = UNLOCKED, i
+                verdict, notes[NOTE.rotor] = UNLOCKED, j
+        k = island_alone(i, places, net)
+        if verdict == DONE and k >= 0 and not rules.slowest < run.s[places.other_speed[i]] < rules.fastest:
+            verdict, notes[NOTE.rotor] = RUNAWAY, j
+        longest = time_outside(j, k, run, rules, h)
+        if verdict == DONE and 0 < rules.frequency_delay_s < longest:
+            verdict, notes[NOTE.rotor], late[0] = FREQUENCY, j, longest - rules.frequency_delay_s
     if verdict == DONE and rules.low_voltage_s > 0 and not net.faulted:
         for j in range(len(places.watch_bus)):
             b = places.watch_bus[j]

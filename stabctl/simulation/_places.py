@@ -21,7 +21,8 @@ class Net(NamedTuple):
 
     factors: Factors
     island: np.ndarray  # (units) island of each unit, -1 if it is tripped or blacked out
-    island_at: np.ndarray  # (buses) island of each bus, -1 if it has no unit or is blacked out
+    island_at: np.ndarray  # (buses) island of each bus, -1 if it is blacked out
+    islands: int  # how many have a voltage source
     alive: np.ndarray  # (buses) whether its island has a voltage source
     faulted: bool  # a fault is on, so low voltages are ignored
     whole: bool  # every unit is on
@@ -63,6 +64,8 @@ class Places(NamedTuple):
     other: np.ndarray  # (angles without weight) of phase-locked loops, and of grid-forming storage
     other_unit: np.ndarray  # (angles without weight) rows of their units, -1: storage
     other_bus: np.ndarray  # (angles without weight) rows of their buses
+    other_speed: np.ndarray  # (angles without weight) their frequencies, -1: none
+    other_weight: np.ndarray  # (angles without weight) s   in the center of inertia of an island without rotors, else 0
     first: np.ndarray  # (rotor units + 1) where the group of each begins in `member`
     member: np.ndarray  # (members of all groups) rotor units of the groups, one group after the other
     owner: np.ndarray  # (signals) row of the unit that owns the signal, -1: none
@@ -150,7 +153,8 @@ def places(
         layout.nx, layout.step, Relative(*map(int, seen)),
         rotors.angle, rotors.speed, rotors.unit, rotors.inertia, rotors.inertia,
         np.ones(len(rotors.unit), bool),
-        others.column("place"), others.column("unit"), others.column("bus"), first, member, owner,
+        others.column("place"), others.column("unit"), others.column("bus"), others.column("frequency"),
+        np.zeros(len(others.rows)), first, member, owner,
         limits.state, limits.low, limits.high, limits.scale,
         system.draw_bus, system.near_bus, system.watch_bus, system.watch_low, held.astype(np.int64), acting, order,
         begun, wanted, own.astype(np.int64), limits.stops, gated, relay, follows, inertial, abrupt,
@@ -163,5 +167,8 @@ def with_ratings(made: Places, system: System, **how: Any) -> Places:
     `how` is `acting`, `relay`, `follows`, `inertial` and `abrupt`.
     """
     limits, others = system.limits, system.unweighted
-    place, unit, bus = (others.column(name) for name in ("place", "unit", "bus"))
-    return made._replace(low=limits.low, high=limits.high, other=place, other_unit=unit, other_bus=bus, **how)
+    place, unit, bus, speed = (others.column(name) for name in ("place", "unit", "bus", "frequency"))
+    made = made._replace(
+        other=place, other_unit=unit, other_bus=bus, other_speed=speed, other_weight=np.zeros(len(bus))
+    )
+    return made._replace(low=limits.low, high=limits.high, **how)

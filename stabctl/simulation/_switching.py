@@ -79,24 +79,33 @@ def see(places, net, run, due):
 
 @noinline
 def coi(weight, places, net, run):
-    """Sum the weights of the rotors, and weight times speed and angle change, per island (`Watch.coi`)."""
+    """Sum the weights of the rotors, and weight times speed and angle change, per island (`Watch.coi`).
+
+    Those of an island without rotors are of its grid-forming storage.
+    """
     s, sums, island = run.s, run.watch.coi, net.island
-    for i in range(len(island)):
+    for k in range(net.islands):
         for j in range(3):
-            sums[j, max(island[i], 0)] = 0.0
+            sums[j, k] = 0.0
     for i in range(len(places.rotor)):
         k, h = island[places.unit[i]], weight[i]
         if k >= 0:
             sums[0, k] += h
             sums[1, k] += h * s[places.speed[i]]
             sums[2, k] += h * (s[places.rotor[i]] - run.watch.angles[0, i])
+    for i in range(len(places.other)):
+        k, h = net.island_at[places.other_bus[i]], places.other_weight[i]
+        if h > 0:
+            sums[0, k] += h
+            sums[1, k] += h * s[places.other_speed[i]]
+            sums[2, k] += h * (s[places.other[i]] - run.watch.others[i])
 
 
 @noinline
 def accelerate(places, net, run):
     """Sum inertia times acceleration, per island."""
-    for i in range(len(net.island)):
-        run.watch.coi[3, max(net.island[i], 0)] = 0.0
+    for k in range(net.islands):
+        run.watch.coi[3, k] = 0.0
     for i in range(len(places.rotor)):
         k = net.island[places.unit[i]]
         if k >= 0:

@@ -121,15 +121,16 @@ def with_law(several: Sequence[Law | Controller], law: Law) -> list[Law | Contro
 
 
 def ordered(controllers: Sequence[Controller]) -> bool:
-    """Whether controllers give orders to storage devices, which then need no law."""
+    """Whether controllers give orders of active power to storage devices, which then need no law."""
     return any(name.startswith(("order:", "order ")) or name == "order" for c in controllers for name in c.outputs)
 
 
 def idle(case: Case, control: Control) -> bool:
-    """Whether a case has storage devices to which the control gives no orders."""
+    """Whether a case has storage devices to which the control gives no orders, of whatever kind."""
     parts = acting(control)
     laws = parts.law, *(pilot.law for pilot in parts.pilots)
-    commanded = any(law is not None for law in laws) or ordered((*parts.controllers, *parts.measured))
+    outputs = (name for c in (*parts.controllers, *parts.measured) for name in c.outputs)
+    commanded = any(law is not None for law in laws) or any("order" in name for name in outputs)
     return any(s.rating for s in case.storage) and not commanded
 
 

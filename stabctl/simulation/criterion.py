@@ -43,7 +43,7 @@ class Criterion(NamedTuple):
     coi : "all" or "machines"
         What makes up a center of inertia (COI): the synchronous machines and the virtual rotors of grid-forming
         converters of its island, each weighted with inertia constant times rating, or the machines alone. In an island
-        without a machine it is the virtual rotors in both cases.
+        without a machine it is the virtual rotors in both cases, without a converter those of grid-forming storage.
 
     Notes
     -----

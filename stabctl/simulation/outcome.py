@@ -70,14 +70,14 @@ class End(NamedTuple):
     verdict: int  # of the stepper
     time: float  # s
     stage: Stage
-    speed: np.ndarray  # (rotor units) pu
-    weight: np.ndarray  # (rotor units) s   in the center of inertia of their island
-    machine: int  # row of the critical rotor unit, or of the angle without weight
+    speed: np.ndarray  # (rotor units, then angles without weight) pu
+    weight: np.ndarray  # (the same) s   in the center of inertia of their island
+    island: np.ndarray  # (the same) -1 if it is off, or turns no island
+    machine: int  # row of the critical one of these
     bus: int  # row of the critical bus
     outside_s: float  # s   longest time that an island was outside the frequency range
     taken_off: Mapping[int, str]  # unit -> a sentence, of machines that ran away alone in their island
     swings: Swings | None  # if it reached its end
-    frequency: float  # pu   of the critical phase-locked loop
     stalled: "Stalled"  # motor loads
     cycling: dict[str, float]  # 1/s   storage devices in a limit cycle, and how often they reverse
     relay: bool  # the law is a relay without delay
@@ -92,14 +92,14 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
     number, called = _critical(point, end)
     cut_off = _cut_off(point, end)
     cut = " ".join((cut_off, *end.taken_off.values())).strip()
-    if not (end.stage.net.island >= 0).any():
+    if not end.stage.net.islands:
         return Outcome(
             Kind.VOLTAGE_COLLAPSE,
             f"The system is blacked out at {t:.3f} s: no machine or grid-forming converter is left. {cut}".strip(),
             t,
         )
     kind, machine, blamed = Kind.ISLANDED if cut else Kind.STABLE, None, None
-    several = end.stage.net.island.max() > 0
+    several = end.stage.net.islands > 1
     match end.verdict:
         case _judgment.SLIPPED | _judgment.UNLOCKED:
             kind, machine, where = Kind.LOST_SYNCHRONISM, number, " of its island" if cut or several else ""
@@ -125,7 +125,7 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
                 f"Voltage collapse at bus {bus} at {t:.3f} s: its voltage stayed below the limit of its load "
                 f"for {criterion.low_voltage_s:g} s without a fault."
             )
-        case _ if not len(end.speed):
+        case _ if not end.weight.any():
             text = f"Every island kept its voltage until {t:.3f} s; without a rotor, synchronism is not judged."
         case _ if cut:
             said = f"{_outside(point, end, criterion)}{_seen(point, end.seen)}{_frequencies(point, end)}"
@@ -158,8 +158,9 @@ def _critical(point: OperatingPoint, end: End) -> tuple[int | str | None, str]:
 
 
 def _unweighted(point: OperatingPoint, end: End) -> Angle | None:
-    """The critical angle, if it has no weight in a center of inertia."""
-    return point.system.unweighted.rows[end.machine] if end.verdict == _judgment.UNLOCKED else None
+    """The critical angle, if it is not that of a rotor unit."""
+    rows, row = point.system.unweighted.rows, end.machine - len(point.rotors.unit)
+    return rows[row] if 0 <= row < len(rows) else None
 
 
 def check_numbers(layout: Layout, s: np.ndarray, part: Part, t: float) -> None:
@@ -193,8 +194,11 @@ def _cut_off(point: OperatingPoint, end: End) -> str:
         buses = [b.bus for b, island in zip(point.case.buses, where, strict=True) if island == k]
         places = enumerate(zip(point.case.machines, point.net.machine_bus, on, strict=True))
         machines = [m.called for i, (m, at, runs) in places if where[at] == k and (runs or i in end.taken_off)]
+        held = [row.name for row in point.system.unweighted.rows if row.virtual and where[row.bus] == k]
         lost = ", its load lost" * (not loads.isdisjoint(buses))
-        rest = f"with {enumerated('machine', machines)}" if machines else f"without {SOURCE}: blacked out{lost}"
+        rest = f"without {SOURCE}: blacked out{lost}"
+        if machines or held:
+            rest = f"with {enumerated('machine', machines) if machines else enumerated('storage device', held)}"
         parts.append(f"{enumerated('bus', buses)} {rest}")
     return f"The switching cut off {'; and '.join(parts)}." if parts else ""
 
@@ -210,7 +214,7 @@ def _angle(point: OperatingPoint, end: End) -> str:
 def _at_limit(point: OperatingPoint, end: End) -> str:
     """That the frequency of the critical phase-locked loop is at a limit, in words; empty if it is not."""
     other = _unweighted(point, end)
-    if other is None or other.least + SLACK < end.frequency < other.most - SLACK:
+    if other is None or other.least + SLACK < end.speed[end.machine] < other.most - SLACK:
         return ""
     low, high = (limit * point.case.frequency_hz for limit in (other.least, other.most))
     return f", its frequency at a limit of its range from {low:.2f} to {high:.2f} Hz"
@@ -218,14 +222,14 @@ def _at_limit(point: OperatingPoint, end: End) -> str:
 
 def _off_frequency(point: OperatingPoint, end: End, criterion: Criterion) -> str:
     """Which island left the frequency range, its frequency, and when."""
-    where, unit = end.stage.net.island, point.rotors.unit
-    mine = where[unit] == where[unit[end.machine]]
+    mine = end.island == end.island[end.machine]
     H = np.where(mine, end.weight, 0.0)
     hz = point.case.frequency_hz
     island = "The frequency"
-    if len(np.unique(where[unit][where[unit] >= 0])) > 1:
-        members = [number for number, is_mine in zip(point.rotor_names, mine, strict=True) if is_mine]
-        island += f" of the island of {enumerated('machine', members)}"
+    if len(np.unique(end.island[end.island >= 0])) > 1:
+        names = *point.rotor_names, *(row.name for row in point.system.unweighted.rows)
+        noun = "machine" if end.machine < len(point.rotors.unit) else "storage device"
+        island += f" of the island of {enumerated(noun, [names[i] for i in np.flatnonzero(mine)])}"
     return (
         f"{island} was outside {frequency_range(criterion, hz)} for {criterion.frequency_delay_s:g} s at "
         f"{end.time:.3f} s: it is {hz * end.speed @ H / H.sum():.2f} Hz."
@@ -235,8 +239,9 @@ def _off_frequency(point: OperatingPoint, end: End, criterion: Criterion) -> str
 def _outside(point: OperatingPoint, end: End, criterion: Criterion) -> str:
     """How long the frequency of an island was outside its range, or that it ends there unjudged; empty if neither."""
     left = f", outside {frequency_range(criterion, point.case.frequency_hz)}"
-    off = (end.speed < criterion.min_frequency) | (end.speed > criterion.max_frequency)
-    if (off & ~with_frequency(criterion, point.system) & (end.stage.net.island[point.rotors.unit] >= 0)).any():
+    rotors = slice(len(point.rotors.unit))  # storage is itself a governor
+    off = (end.speed[rotors] < criterion.min_frequency) | (end.speed[rotors] > criterion.max_frequency)
+    if (off & ~with_frequency(criterion, point.system) & (end.island[rotors] >= 0)).any():
         return f"{left}, which is not checked without a governor"
     return f"{left} for {end.outside_s:.2g} s at most" if criterion.frequency_delay_s and end.outside_s else ""
 
@@ -258,13 +263,15 @@ def _seen(point: OperatingPoint, seen: Extremes | None) -> str:
 
 
 def _rotor(point: OperatingPoint, i: int) -> str:
-    """What a rotor unit is called in a sentence."""
+    """What a rotor unit, or a device whose angle is not that of one, is called in a sentence."""
+    if i >= len(point.rotor_names):
+        return f"storage device {point.system.unweighted.rows[i - len(point.rotor_names)].name}"
     return f"{'converter' if point.rotors.virtual[i] else 'machine'} {point.rotor_names[i]}"
 
 
 def _frequencies(point: OperatingPoint, end: End) -> str:
     """The frequency of every island at the end, in words."""
-    island, H = end.stage.net.island[point.rotors.unit], end.weight
+    island, H = end.island, end.weight
     groups = [island == k for k in np.unique(island) if k >= 0]
     found = [f"{end.speed[own] @ H[own] / H[own].sum() * point.case.frequency_hz:.2f} Hz" for own in groups]
     if len(found) == 1:

@@ -32,7 +32,7 @@ def prepare() -> None:
     numbers_: dict[str, Any] = {"voltages": 0, "elapsed": 0, "begun": 0, "seen": Relative(0, 0, 0, 0, 0)} | flags
     arrays: dict[str, Any] = {name: kinds.get(name, places) for name in Places._fields if name not in numbers_}
     read = Places(**arrays, **numbers_)
-    net = Net(factor(sp.identity(1, complex, "csc")), places, places, np.ones(1, bool), False, True)
+    net = Net(factor(sp.identity(1, complex, "csc")), places, places, 1, np.ones(1, bool), False, True)
     program = Program(places, none, calls, calls, calls, calls, calls, calls, places)
     run = buffers(np.zeros(max(layout.size, 2)), layout, read)
     advance(program, read, net, run, numbers(DEFAULT), NOTHING, START, np.empty((0, 0)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from stabctl.dynamics.operating_point import OperatingPoint
 
-from ._places import Net
+from ._places import Net, Places
 
 Recorded = bool | Literal["rotors"]
 BUFFER = 256e6  # bytes   of the rows that one call of the compiled loop may fill
@@ -20,25 +20,28 @@ AT_ONCE = 1200  # steps of one call; Ctrl-C and progress are handled in between
 class Extremes:
     """The least and greatest speed of every rotor while it is on, and the lowest voltage of every bus after the faults.
 
-    NaN of a rotor that was never on, and of a bus that has had no voltage since.
+    After the rotors, those of the angles without weight among them, while they turn an island. NaN of one that never
+    did, and of a bus that has had no voltage since.
     """
 
     def __init__(self, point: OperatingPoint) -> None:
-        self._rotors, self._voltages = point.rotors, point.layout.voltages
-        self.slowest = np.full(len(point.rotors.unit), np.nan)  # pu
+        self._voltages = point.layout.voltages
+        self._speed = np.r_[point.rotors.speed, point.system.unweighted.column("frequency")]
+        self.slowest = np.full(len(self._speed), np.nan)  # pu
         self.fastest = self.slowest.copy()  # pu
         self.lowest = np.full(point.layout.buses, np.nan)  # pu
         self.cleared = False  # whether there was a fault
 
-    def enter(self, net: Net) -> None:
+    def enter(self, net: Net, places: Places) -> None:
         """Go on with the network after an event."""
-        self._on, self._alive, self._faulted = net.island[self._rotors.unit] >= 0, net.alive, net.faulted
+        self._on = np.r_[net.island[places.unit] >= 0, places.other_weight > 0]
+        self._alive, self._faulted = net.alive, net.faulted
         if net.faulted:
             self.cleared, self.lowest[:] = True, np.nan
 
     def add(self, rows: np.ndarray) -> None:
         """Take rows of all signals on this network."""
-        speed = rows[:, self._rotors.speed]
+        speed = rows[:, self._speed]
         np.fmin(self.slowest, speed.min(axis=0), out=self.slowest, where=self._on)
         np.fmax(self.fastest, speed.max(axis=0), out=self.fastest, where=self._on)
         if not self._faulted:
@@ -84,11 +87,11 @@ class Recording:
         """Keep the next row."""
         self._next = -np.inf
 
-    def enter(self, net: Net) -> None:
+    def enter(self, net: Net, places: Places) -> None:
         """Go on with the network after an event."""
         self.event()
         if self.extremes:
-            self.extremes.enter(net)
+            self.extremes.enter(net, places)
 
     def add(self, times: np.ndarray, rows: np.ndarray) -> None:
         """Take the rows (times, width) at consecutive instants (s)."""

@@ -51,9 +51,12 @@ class Setup:
             network, program, places = stage(self.point, switching), self.wired.program, self.places
             if network.constants:
                 program = program._replace(k=constants(self.wired, network, program.k))
+            net, rotors = network.net, self.point.rotors
             if self.criterion.coi == "machines":
-                places = places._replace(weight=self.point.rotors.of_machines(network.net.island))
-            self._on[switching] = Connected(network, program, places)
+                places = places._replace(weight=rotors.of_machines(net.island))
+            turned = np.isin(net.island_at[places.other_bus], net.island[rotors.unit])  # by rotors
+            alone = np.where(turned, 0.0, self.point.system.unweighted.column("inertia", float))
+            self._on[switching] = Connected(network, program, places._replace(other_weight=alone))
         return self._on[switching]
 
 

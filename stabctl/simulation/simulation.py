@@ -217,7 +217,7 @@ class Simulation:
         self._run.solve.moves[:], self._run.late[0], self._run.loop.known[0] = 0, -1.0, 0
         self._run.notes[NOTE.slow :] = self._run.newton[:] = 0
         self._on = self.setup.on(self.changes[self._at].switching)
-        self._record.enter(self._on.network.net)
+        self._record.enter(self._on.network.net, self._on.places)
         self._off[(self.island < 0) & np.isinf(self._off)] = self.time
 
     def _windows(self) -> None:
@@ -250,15 +250,17 @@ class Simulation:
         check_numbers(self.point.layout, self._run.s, self._run.part, self.time)
         self._verdict = verdict
         instant = self.time - (float(self._run.late[0]) if verdict in TIMED else 0.0)
-        if (self._on.network.net.island < 0).all():
+        if not self._on.network.net.islands:
             instant = float(self._off.max())  # blacked out
         bus, rotor = int(self._run.notes[NOTE.bus]), int(self._run.notes[NOTE.rotor])
         outside = self._run.watch.off[1].max(initial=0.0)
         last = self.swings() if verdict == _judgment.DONE else None
+        net, places = self._on.network.net, self._on.places
+        weight = np.r_[places.weight, places.other_weight]
+        island = np.r_[self.island[places.unit], np.where(places.other_weight > 0, net.island_at[places.other_bus], -1)]
         end = End(
-            verdict, instant, self._on.network, self.speed, self._on.places.weight, rotor, bus, outside,
-            self._taken_off, last, self._loop_frequency(verdict, rotor),
-            stalled(self.point, self._run.s, self._on.network.net.alive), self._cycling(),
+            verdict, instant, self._on.network, self._run.s[np.r_[places.speed, places.other_speed]], weight, island,
+            rotor, bus, outside, self._taken_off, last, stalled(self.point, self._run.s, net.alive), self._cycling(),
             self._relay, self._loop(), self._record.extremes, self.switching,
         )  # fmt: skip
         return outcome(self.point, end, self.setup.criterion)
@@ -300,14 +302,11 @@ class Simulation:
         least = SLOW if lasting else REVERSALS
         return {str(name): float(rate) for name, rate in zip(names, turns, strict=True) if rate > least}
 
-    def _loop_frequency(self, verdict: int, row: int) -> float:
-        """The frequency of the phase-locked loop that lost synchronism, pu; 1 if none did."""
-        found = self.point.system.unweighted.rows[row].frequency if verdict == _judgment.UNLOCKED else -1
-        return float(self._run.s[found]) if found >= 0 else 1.0
-
     def _alone(self) -> bool:
         """Whether the runaway machine is alone in its island, while others that were there before are running."""
         row, island, before = self._run.notes[NOTE.rotor], self.island[self.point.rotors.unit], self.point.rotor_island
+        if row >= len(island):  # storage
+            return False
         return (island == island[row]).sum() == 1 and ((island >= 0) & (before == before[row])).sum() > 1
 
     def _trip(self, verdict: int) -> None:

@@ -63,8 +63,8 @@ def _stage(point: OperatingPoint, switching: Switching) -> Stage:
     closed = all(state.from_closed and state.to_closed for _, state in switching.branches)
     where, bus = point.island if closed else network.islands(point.net, switching), point.system.unit_bus
     on = np.array([i not in switching.tripped for i in range(len(bus))])
-    alive = np.isin(where, where[np.r_[bus[on & point.system.forming], _held(point)]])
-    island = np.where(on & alive[bus], where[bus], -1).astype(np.int64)
+    held = [row.bus for row in point.system.unweighted.rows if row.virtual]
+    alive = np.isin(where, where[[*bus[on & point.system.forming], *held]])
     loads, added = _stepped(point, switching)
     Y = point.admittance(switching)
     if added.any():
@@ -72,11 +72,9 @@ def _stage(point: OperatingPoint, switching: Switching) -> Stage:
     if not alive.all():
         keep, gone = sp.diags(alive.astype(float)), sp.diags((~alive).astype(float))
         Y = (keep @ Y @ keep + gone).tocsc()
-    numbers = np.unique(island[island >= 0])
-    compact, at = (
-        np.where(np.isin(of, numbers), np.searchsorted(numbers, of), -1).astype(np.int64)
-        for of in (island, np.where(alive, where, -1))
-    )
+    numbers = np.unique(where[alive])
+    at = np.where(alive, np.searchsorted(numbers, where), -1).astype(np.int64)
+    island = np.where(on, at[bus], -1).astype(np.int64)
     try:
         factors = factor(Y, point.system.near_bus)
     except RuntimeError:
@@ -85,17 +83,8 @@ def _stage(point: OperatingPoint, switching: Switching) -> Stage:
             "shunts and series capacitors."
         ) from None
     changed = *loads, *_blocked(point, alive), *_measured(point, switching)
-    net = Net(factors, compact, at, alive, switching.faulted, bool((compact >= 0).all()))
+    net = Net(factors, island, at, len(numbers), alive, switching.faulted, bool((island >= 0).all()))
     return Stage(net, changed, where, Y, point.system.draw_bus)
-
-
-def _held(point: OperatingPoint) -> np.ndarray:
-    """Rows of the buses of grid-forming storage."""
-    found = [np.zeros(0, np.int64)]
-    for f in point.system.families:
-        if f.device.role == "storage" and f.device.source is not None:
-            found.append((f.w[:, family.BUS] - point.layout.nx) // 2)
-    return np.concatenate(found)
 
 
 def _blocked(point: OperatingPoint, alive: np.ndarray) -> Iterator[tuple[str, int, Any]]:

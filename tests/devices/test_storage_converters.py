@@ -10,13 +10,14 @@ from systems import KINDS, one_of, small
 
 from stabctl import devices
 from stabctl._util.errors import CaseError, StudyError
-from stabctl.controllers import BangBang
+from stabctl.controllers import BangBang, Controller
 from stabctl.devices.storage import order as orders_of
 from stabctl.dynamics import family, operating_point, storage
 from stabctl.model.tables import Machine, Storage
 from stabctl.simulation import steps
 from stabctl.simulation.events import Clear, Fault, Open
 from stabctl.simulation.setup import setup
+from stabctl.simulation.simulate import simulate
 from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.stages import stages
 from stabctl.smallsignal import linearize
@@ -124,11 +125,56 @@ def test_the_voltage_order_moves_the_reference_of_the_published_model(name, text
     assert np.ptp(run.rows[:, at]) > 0.05  # pu
 
 
-def test_without_a_voltage_reference_the_voltage_order_is_refused():
-    for model, text in (("ideal", ""), ("regc", ""), ("regc", "QFlag=1 VFlag=1")):
-        point = operating_point.solve(with_esd(storage_model=model, converter=text))
-        with pytest.raises(StudyError, match="The storage device 1@2 of small has no voltage reference"):
-            linearize(point, ["order_v:1@2"], ["voltage:2"])
+DIRECT, BY_PLANT = "QFlag=1 VFlag=0", "repc_RefFlag=1"
+
+
+@pytest.mark.parametrize(
+    ("model", "text", "order", "says"),
+    [
+        ("ideal", "", "order_v", f"has no voltage reference, .* grid-forming, or grid-following with {DIRECT}"),
+        ("regc", "", "order_v", "has no voltage reference"),
+        ("regc", "QFlag=1 VFlag=1", "order_v", "has no voltage reference"),
+        ("regc_repc", f"{DIRECT} repc_Qmax=1.1", "order_v", f"has no voltage reference, .* on it; set {BY_PLANT}"),
+        ("regc", DIRECT, "order_q", f"with {DIRECT} follows its voltage reference, .* give order_v"),
+        ("regc_c", DIRECT, "order_q", f"with {DIRECT} follows its voltage reference"),
+        ("regc_repc", BY_PLANT, "order_q", f"with {BY_PLANT} follows its voltage reference"),
+        (
+            "regc_repc",
+            f"{DIRECT} repc_Qmax=1.1 {BY_PLANT}",
+            "order_q",
+            f"with {BY_PLANT} follows its voltage reference",
+        ),
+    ],
+)
+def test_an_order_without_effect_is_refused_and_the_one_or_the_setting_that_has_one_is_named(model, text, order, says):
+    point = operating_point.solve(with_esd(storage_model=model, converter=text))
+    with pytest.raises(StudyError, match=f"The storage device 1@2 of small {says}"):
+        linearize(point, [f"{order}:1@2"], ["voltage:2"])
+
+
+@pytest.mark.parametrize(
+    ("model", "text", "orders"),
+    [
+        ("regfm", "", "qv"),
+        ("regfm_b1", "", "qv"),
+        ("regc", "", "q"),
+        ("regc", DIRECT, "v"),
+        ("regc_repc", f"{DIRECT} repc_Qmax=1.1", "q"),
+        ("regc_repc", f"{DIRECT} repc_Qmax=1.1 {BY_PLANT}", "v"),
+    ],
+)
+def test_every_order_that_is_accepted_moves_the_voltage(model, text, orders):
+    point = operating_point.solve(with_esd(storage_model=model, converter=text))
+    m = linearize(point, [f"order_{kind}:1@2" for kind in orders], ["voltage:2"])
+    gain = np.abs(m.D - m.C @ np.linalg.solve(m.A - 1j * np.eye(len(m.A)), m.B))  # at 1 rad/s
+    assert gain.min() > 1e-4
+
+
+@pytest.mark.parametrize("order", ["order:1", "order_q:1@2", "order_v:1", "voltage order ESD 1@2", "vref:1"])
+def test_the_hint_that_no_orders_are_given_counts_orders_of_every_kind(order):
+    point = operating_point.solve(with_esd(storage_model="regfm"))
+    run = simulate(point, None, 0.1, control=Controller(("voltage:2",), (order,), [], [], [], [[1.0]]))
+    assert ("No orders are given to the storage" in str(run)) == (order == "vref:1")
 
 
 def _ordered(case, orders):
@@ -137,9 +183,11 @@ def _ordered(case, orders):
     sim, at = Simulation(setup(point, step=1 / 240, criterion=KEEP_ON), SHORT), storage.places(point.system, case)
     for t, (P, Q, *V) in orders.items():
         assert sim.advance(t)
-        sim.orders[0], sim.s[at.order_q[0]] = P, Q
+        sim.orders[0] = P
         if V:
             sim.s[at.order_v[0]] = V[0]
+        else:
+            sim.s[at.order_q[0]] = Q
     assert sim.advance(1.5)
     return sim.finish()
 

@@ -76,7 +76,7 @@ def test_a_virtual_angle_that_runs_ahead_in_a_long_fault_has_lost_synchronism():
         assert held(seconds, order).outcome.stable
 
 
-def test_an_island_that_only_storage_holds_has_no_center_to_slip_from():
+def test_a_device_that_holds_an_island_alone_is_its_own_center():
     case = with_esd("regfm", mw=300.0, p=0.0)
     lines = [Open("2-3", 0.2), Open("2-3#2", 0.2), Open("1-2", 0.2)]
     run = Simulation(setup(st.initialize(case)), lines)

@@ -32,7 +32,7 @@ LIMITS, UPPER, ANGLES, UNVERIFIED = device.limits, device.upper, device.angles, 
 CURRENT_LIMIT = "ImaxF"
 Input = joined.Input
 State: Any = joined.joined(order.State, converter.State)
-admittance, prepare, elsewhere = device.admittance, device.prepare, device.elsewhere
+admittance, prepare, elsewhere, inertia = device.admittance, device.prepare, device.elsewhere, device.inertia
 
 
 class Vref(NamedTuple):
