@@ -228,7 +228,7 @@ class _Reader:
                     f"x'q = {x1q:g} pu stays beside x'd = {x1d:g} pu; the stator of PST has x'd on both axes"
                 )
             x1q = x1q or (x1d if not circuits else xq if T1q == 0 else 0.0)
-            if T1q == 0 and x1q != xq:
+            if T1q == 0 and (x1q != xq or (circuits and S10 and S12)):
                 T1q = OPEN
                 changed.append(f"T'q0 = 0 becomes {OPEN:g} s, as in PST")
             if (S10 or S12) and circuits:
