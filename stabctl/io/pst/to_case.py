@@ -22,7 +22,7 @@ from stabctl.model.case import Case
 from stabctl.model.tables import Branch, Bus, Load, Machine
 
 from .._lexer import Place
-from .._table_builder import TableBuilder
+from .._table_builder import TableBuilder, without_owner
 from ..psse.dyr import Unsupported
 from . import tables
 from .tables import Pst, Row
@@ -112,6 +112,8 @@ class _Reader:
         self._machines()
         for table, controls in (("exc_con", _exciter), ("pss_con", _stabilizer), ("tg_con", _governor)):
             self._controls(table, controls)
+        names = {number: f"machine {number}" for number in self.machines}
+        self.net.corrections += without_owner(self.rows, self.places, names)
         self.net.reference()
         apart = self.net.settle_islands(str(self.file.path))
         self._generation()
