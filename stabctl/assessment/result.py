@@ -26,6 +26,7 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control
 from stabctl.simulation.trajectory import Trajectory
 from stabctl.smallsignal import Modes
+from stabctl.smallsignal.analysis import DAMPING
 from stabctl.smallsignal.contributions import Contributions, contributions
 
 from .remedy import Remedy
@@ -47,6 +48,11 @@ class Wanted(NamedTuple):
     damping: float  # damping ratio of every oscillation in `BAND`
     voltages: tuple[float, float] = NORMAL  # pu   in normal operation
     monitored: Monitored | None = None  # ranges of some buses in place of it
+
+    @property
+    def dampings(self) -> tuple[float, float]:
+        """Damping ratios of the modes computed where these are not all."""
+        return DAMPING[0], max(DAMPING[1], self.damping)
 
 
 class Margin(NamedTuple):

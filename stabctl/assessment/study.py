@@ -29,7 +29,7 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, idle
 from stabctl.simulation.criterion import DEFAULT, Criterion
 from stabctl.simulation.setup import setup
-from stabctl.smallsignal.analysis import DAMPING, modes
+from stabctl.smallsignal.analysis import modes
 
 from .prices import Prices
 from .prices import prices as priced
@@ -191,7 +191,7 @@ class _Work(NamedTuple):
         yield now
         tell(0.0, "modes")
         try:
-            now = replace(now, modes=modes(point, BAND, damping=(DAMPING[0], max(DAMPING[1], now.wanted.damping))))
+            now = replace(now, modes=modes(point, BAND, damping=now.wanted.dampings))
         except LinearizationError as error:
             now = replace(now, no_modes=str(error))
         yield now

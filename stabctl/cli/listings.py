@@ -158,7 +158,7 @@ def importing(
         case = io.load(raw, dyr=dyr_path, missing=missing, missing_controls=missing_controls, **how)
         written.append(io.write(case, out))
     shared.written(written, as_json)
-    return 0 if report.complete and not report.failures else INCOMPLETE
+    return 0 if report.complete and report.starts else INCOMPLETE
 
 
 def check(*, case: CaseOptions, as_json: options.Json = False) -> None:

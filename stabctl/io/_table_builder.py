@@ -11,10 +11,12 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from stabctl._util.errors import CaseError
-from stabctl.model import powerflow
+from stabctl.model import naming, powerflow, tables
 from stabctl.model.case import Case
 from stabctl.model.checks import RowError
 from stabctl.model.tables import Branch, Bus, Tables
+
+from ._lexer import Place
 
 KINDS: dict[int, Literal["pq", "pv", "swing"]] = {1: "pq", 2: "pv", 3: "swing"}
 ISOLATED = 4
@@ -24,6 +26,7 @@ AT_LIMIT = 0.01  # Mvar   distance from a reactive limit
 SAME_VOLTAGE = 1e-4  # pu   distance of the stored voltage from the set-point
 SOLVED = 0.01  # pu   power missing at a bus whose stored voltage is a solution
 SHOWN = 5  # buses in a sentence
+ACTS_ON = {"stabilizer": "exciter", "plant control": "electrical control"}  # role -> role of what it acts on
 
 
 class TableBuilder:
@@ -210,3 +213,19 @@ class TableBuilder:
             raise CaseError(f"{place}, {error.column}: {text}") from None
         except CaseError as error:
             raise CaseError(f"{path}: {error}") from None
+
+
+def without_owner(
+    rows: Mapping[str, dict[Any, Any]], places: Mapping[str, list[Place]], names: Mapping[int, str]
+) -> list[str]:
+    """Leave out the controls that act on a control which has no model: its stabilizers, its plant control."""
+    said = []
+    for role, owner in ACTS_ON.items():
+        known = {naming.number(key) for model in tables.of_role(owner) for key in rows.get(model, {})}
+        for model in tables.of_role(role):
+            for key, place in zip(list(rows.get(model, ())), list(places.get(model, ())), strict=True):
+                if (number := naming.number(key)) not in known:
+                    del rows[model][key]
+                    places[model].remove(place)
+                    said.append(f"{place}: {model} of {names[number]} left out, because its {owner} has no model.")
+    return said

@@ -94,6 +94,11 @@ class ImportReport(Tabular):
         return not self.unsupported
 
     @property
+    def starts(self) -> bool:
+        """Whether no check failed, and the start exceeds no limit; nothing is known without checks."""
+        return not self.failures and not (self.start and self.start.violations)
+
+    @property
     def records(self) -> int:
         """Number of records of dynamic models."""
         return sum(kind.records for kind in self.kinds)

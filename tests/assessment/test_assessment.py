@@ -36,6 +36,12 @@ def study(base):
     return base.study("10cyc", worst=2, remedies="none", **QUICK)
 
 
+@pytest.mark.parametrize(("damping", "more"), [(0.05, ""), (0.4, ", damping=(-0.5, 0.4)")])
+def test_the_page_asks_for_the_modes_that_are_judged(study, tmp_path, damping, more):
+    wanted = replace(study, wanted=study.wanted._replace(damping=damping))
+    assert f"base.modes((0.1, 3){more})" in wanted.report(tmp_path).read_text("utf-8")
+
+
 def test_every_part_is_that_of_the_single_study(base, study):
     assert study.screen.rows() == base.screen(faults="lines, buses", **QUICK).rows()
     assert np.array_equal(study.modes.eigenvalues, base.modes((0.1, 3.0)).eigenvalues)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from records import gensal, regc_a
-from systems import CLASSICAL, EXDC2, EXPONENTIAL, IEEET1, POLES, REGC, ROUND, SEXS, small, with_shares
+from systems import CLASSICAL, EXDC2, EXPONENTIAL, IEEET1, POLES, REGC, ROUND, SEXS, TWO_AXES, small, with_shares
 
 import stabctl as st
 from stabctl._util.errors import EquilibriumError, StudyError
@@ -42,6 +42,14 @@ def test_gensal_is_genrou_without_a_transient_circuit_on_the_q_axis():
     both = {n: getattr(poles, n) for n in set(gensal.Par._fields) & set(ROUND._fields)}
     genrou = ROUND._replace(**both, x1q=poles.xq, T1q=0.5)
     assert apart(run(small({"gensal": poles, "sexs": SEXS})), run(small({"genrou": genrou, "sexs": SEXS}))) < 1e-9
+
+
+def test_a_two_axis_machine_without_a_damper_is_the_limit_of_a_short_time_constant():
+    """T'q0 = L/R, and R of an open circuit is infinite."""
+    short = TWO_AXES._replace(T1q=1e-5)
+    absent = TWO_AXES._replace(x1q=TWO_AXES.xq, T1q=0.0)
+    swings = [m.eigenvalues[m.swings()] for m in (small({"two_axis": par}).modes() for par in (short, absent))]
+    assert swings[0] == pytest.approx(swings[1], abs=1e-4)  # 2e-5
 
 
 def test_saturation_of_gensal_adds_field_current_along_its_curve():

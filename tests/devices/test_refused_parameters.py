@@ -3,7 +3,7 @@
 import pytest
 from library import EXCITERS, POINTS, STABILIZERS
 from records import pidgov, wpidhy
-from systems import CLASSICAL, EXDC2, EXST3, GOVERNORS, IEEET1, POLES, REGC, ROUND, SATURATED, TYPE_J
+from systems import CLASSICAL, EXDC2, EXST3, GOVERNORS, IEEET1, POLES, REGC, ROUND, SATURATED, TWO_AXES, TYPE_J
 
 from stabctl.devices.blocks import SHORT
 
@@ -21,8 +21,10 @@ REFUSED = [  # parameters, changes that are refused, the field named, further ch
     (TYPE_J, {"x1d": TYPE_J.x2d}, "x1d", {"x1d": 0.23}),
     (TYPE_J, {"x1q": TYPE_J.x2q}, "x1q", {"x1q": 0.26}),
     (TYPE_J, {"S12": 0.05}, "S12", {"S12": 0.0}),
-    (TYPE_J, {"T2d": 0.0}, "T2d", {"T2d": 0.03}),
-    (TYPE_J, {"T2q": 0.0}, "T2q", {"T2q": 0.03}),
+    (TYPE_J, {"T1q": 0.0}, "T1q", {"x1q": TYPE_J.xq}),
+    (ROUND, {"T1q": 0.0}, "T1q", {"x1q": ROUND.xq}),
+    (SATURATED, {"T1q": 0.0, "x1q": SATURATED.xq}, "T1q", {"S10": 0.0}),
+    (TWO_AXES, {"T1q": 0.0}, "T1q", {"x1q": TWO_AXES.xq}),
     (CLASSICAL, {"H": 0.0099}, "H", {"H": 0.01}),
     (CLASSICAL, {"H": 1e-9}, "H", {"H": 0.0}),
     (EXST3, {"KG": 0.1, "TA": SHORT / 2}, "TA", {"TA": SHORT}),

@@ -131,7 +131,7 @@ what a power flow of PSS/E would change or leave out
 0
 1,{isw},10.,5.
 0
-"""
+{dc}"""
     + "0\n" * 9
     + "2,{modsw},0,1,1.05,.95,0,100.,' ',40.\n0\nQ\n"
 )
@@ -139,7 +139,7 @@ what a power flow of PSS/E would change or leave out
 
 def lost(folder, **codes):
     """The report of a file with these codes."""
-    codes = {"cod": 0, "tab": 0, "isw": 0, "modsw": 0} | codes
+    codes = {"cod": 0, "tab": 0, "isw": 0, "modsw": 0, "dc": ""} | codes
     (folder / "lost.raw").write_text(LOST.format(**codes))
     return st.import_report(folder / "lost.raw", check=False)
 
@@ -169,11 +169,12 @@ def test_an_impedance_correction_table_makes_an_import_incomplete(tmp_path):
     assert not report.complete
 
 
-def test_what_is_in_service_at_an_isolated_bus_is_named(tmp_path):
-    (said,) = [one for one in lost(tmp_path).corrections if "bus 9" in one]
-    assert said.endswith(
-        "bus 9 is isolated (type 4) and left out with what is at it, as in PSS/E: 1 load, 1 generator, 1 branch."
-    )
+@pytest.mark.parametrize(("mode", "also"), [(0, ""), (1, ", 1 DC line")])
+def test_what_is_in_service_at_an_isolated_bus_is_named(tmp_path, mode, also):
+    report = lost(tmp_path, dc=f"'D1',{mode},1.,10.,100.\n9,1\n2,1\n")
+    (said,) = [one for one in report.corrections if "bus 9" in one]
+    what = f"1 load, 1 generator, 1 branch{also}"
+    assert said.endswith(f"bus 9 is isolated (type 4) and left out with what is at it, as in PSS/E: {what}.")
 
 
 def test_what_is_not_supported_is_named_once_with_file_and_line(files, stabctl):
@@ -212,9 +213,12 @@ def test_a_machine_without_a_model_is_named_and_replaced(files, stabctl):
     assert "change the case that is written; give --out too" in err
 
 
-def test_every_limit_that_the_start_exceeds_is_listed(files):
+def test_every_limit_that_the_start_exceeds_is_listed(files, stabctl):
     lower = "102 'SEXS' 1 0.1 10 100 0.05 -5 1.5 /\n102 'TGOV1' 1 0.05 0.05 0.9 0 1 3 0 /\n"
-    report = st.import_report(files(f"101 'GENCLS' 1 0 0 /\n{GENROU}{lower}"))
+    raw = files(f"101 'GENCLS' 1 0 0 /\n{GENROU}{lower}")
+    report = st.import_report(raw)
+    assert report.complete
+    assert (stabctl("import", raw)[0], stabctl("import", raw, "--no-check")[0]) == (1, 0)
     found = {(v["device"], v["machine"], v["limit"], v["value"]) for v in report.plain()["violations"]}
     assert found == {("SEXS", "102/1", "Efdmax", 1.5), ("TGOV1", "102/1", "Vmax", 0.9)}
     assert report.start.rate > 0.01

@@ -185,6 +185,14 @@ def test_what_has_no_model_is_named(written):
     assert not report.complete
 
 
+def test_a_stabilizer_goes_with_its_exciter(written):
+    text = SMALL.replace("exc_con = [0 1", "exc_con = [4 1") + "pss_con = [1 1 9 10 0.1 0.02 0.1 0.02 0.2 -0.2];\n"
+    report = import_report(written(text))
+    assert [one.kind for one in report.unsupported] == ["exc_con"]
+    assert any("pss of machine 1 left out, because its exciter has no model" in one for one in report.corrections)
+    assert report.start.drift < 1e-6
+
+
 @pytest.mark.parametrize(
     ("limits", "read"), [("0.2 -0.1", (0.2, -0.1)), ("0.1 0", (0.1, 0)), ("0 -0.1", (0, -0.1)), ("0 0", (10, -10))]
 )

@@ -145,6 +145,20 @@ def test_a_comment_changes_nothing(tmp_path, comment, commas):
     assert case.loads == psse.read_psse(THREE).loads != ()
 
 
+@pytest.mark.parametrize("saturation", ["0 0", "0.1 0.4"])
+def test_a_circuit_without_a_time_constant_is_absent(tmp_path, saturation):
+    """Modes of GENROU with T'q0 = 0 are those of x'q = xq and a short T'q0."""
+    text = "101 'GENCLS' 1 0 0 /\n102 'GENROU' 1 8 0.03 {} 0.05 6.2 0.05 1.8 1.7 0.3 {} 0.25 0.2 {} /\n"
+    swings = []
+    for T1q, x1q in ((0, 0.55), (1e-4, 1.7)):
+        (tmp_path / "x.dyr").write_text(text.format(T1q, x1q, saturation))
+        modes = (case := psse.read_psse(THREE, tmp_path / "x.dyr")).modes()
+        swings.append(modes.eigenvalues[modes.swings()])
+        said = "line 2, GENROU of 102/1: T'q0 = 0: there is no such circuit; x'q becomes xq"
+        assert any(said in note for note in case.notes) == (T1q == 0)
+    assert swings[0] == pytest.approx(swings[1], abs=0.05)  # 0.037; 0.1 with a constant flux
+
+
 @pytest.mark.parametrize("comment", COMMENTS)
 def test_a_comment_in_a_dyr_file_changes_nothing(tmp_path, comment):
     records = "101 'GENCLS' 1 0 0 /", "102 'GENROU' 1 8 0.03 0.4 0.05", "6.2 0.05 1.8 1.7 0.3 0.55 0.25 0.2 0 0 /"

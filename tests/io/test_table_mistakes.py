@@ -20,7 +20,7 @@ MISTAKES = [
     ("branches", 2, "x_pu", "0", "branch 1-5 has no impedance; r or x must be at least 1e-09 pu in size"),
     ("branches", 6, "to_bus", "5", "branch 5-5 connects a bus to itself; give two different buses"),
     ("sexs", 3, "TA_s", "-0.05", "-0.05 is not allowed; it must be a number of at least 0"),
-    ("genrou", 3, "T1d_s", "-8", "-8.0 is not allowed; it must be a number of at least 0"),
+    ("genrou", 3, "T1d_s", "-8", "-8.0 is not allowed; it must be a number above 0"),
     ("genrou", 3, "H_s", "0", "0.0 is not allowed; it must be a number of at least 0.01"),
     ("genrou", 3, "H_s", "-6.5", "-6.5 is not allowed; it must be a number of at least 0.01"),
     ("genrou", 2, "x1d_pu", "0.2", "x1d = 0.2 of machine 1 must differ from the leakage reactance xl = 0.2"),

@@ -9,7 +9,7 @@ from math import ceil, floor
 from pathlib import Path
 
 import pytest
-from systems import POLES, ROUND, SEXS, TWO_AXES, TYPE_J, small
+from systems import POLES, ROUND, SALIENT, SEXS, TWO_AXES, TYPE_J, small
 
 import stabctl as st
 from stabctl._util.schema import fields
@@ -159,7 +159,7 @@ def test_a_power_flow_without_a_solution_hides_nothing_else():
 
 
 def test_infinite_buses_and_unused_time_constants_are_usual():
-    case = small({"genrou": ROUND._replace(T2d=999.0, T1q=0.0), "sexs": SEXS})
+    case = small({"genrou": SALIENT._replace(T2d=999.0, T1q=0.0), "sexs": SEXS})
     assert not case.set("gencls.2.H", 0).check().findings
     assert not case.set({"gencls.2.H": 1000, "gencls.2.x1d": 1e-5}).check().findings
     assert case.set("gencls.2.H", 1000).check().findings

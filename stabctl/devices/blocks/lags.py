@@ -57,7 +57,7 @@ def second_order(N1, N2, D1, D2, u, x, dx):
 
 @inline
 def circuit_rate(T, drive, x):
-    """State derivative (1/s) of a rotor circuit, drive/T; T = 0 means an open circuit, whose flux stays as it is."""
+    """State derivative (1/s) of a rotor circuit, drive/T; T = 0: there is none, and nothing depends on x."""
     return drive / T if T > 0 else 0 * x
 
 

@@ -8,7 +8,7 @@ Source: PSS/E Model Library, GENROE.
 from stabctl._util.jit import inline
 from stabctl.devices.blocks import magnitude, power
 
-from .genrou import CLOSED, CONTINUATION, Par, State, currents, derivatives, guess, internal
+from .genrou import CLOSED, CONTINUATION, Par, State, currents, derivatives, from_record, guess, internal
 from .saturation import along, exponent
 from .stator import Input, Internal, Output, admittance, source
 
@@ -17,7 +17,7 @@ ROLE = "machine"
 DYR = {"GENROE": "T1d T2d T1q T2q H D xd xq x1d x1q x2 xl S10 S12"}
 __all__ = [
     "CLOSED", "CONTINUATION", "DYR", "NAME", "ROLE", "Input", "Internal", "Output", "Par", "State", "admittance",
-    "derivatives", "guess", "internal", "output", "source",
+    "derivatives", "from_record", "guess", "internal", "output", "source",
 ]  # fmt: skip
 
 

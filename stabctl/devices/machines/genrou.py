@@ -16,7 +16,7 @@ Source: Kundur, Power System Stability and Control, ch. 3-5; PSS/E Model Library
 """
 
 from collections.abc import Iterator
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Interval
@@ -26,16 +26,16 @@ from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import circuit_rate, magnitude, quadratic
 
 from .saturation import along, mistakes, points
-from .stator import Input, Internal, Output, admittance, open_dampers, source, stator, torque
+from .stator import Input, Internal, Output, absent, admittance, source, stator, torque
 
 NAME = "GENROU"
 ROLE = "machine"
 CONTINUATION = ("SB",)
-CLOSED = ("T1d", "T2d", "T1q", "T2q")
+CLOSED = ("T2d", "T1q", "T2q")
 DYR = {"GENROU": "T1d T2d T1q T2q H D xd xq x1d x1q x2 xl S10 S12"}
 __all__ = [
     "CLOSED", "CONTINUATION", "DYR", "NAME", "ROLE", "Input", "Internal", "Output", "Par", "State", "admittance",
-    "derivatives", "internal", "output", "source",
+    "derivatives", "from_record", "internal", "output", "source",
 ]  # fmt: skip
 
 
@@ -51,12 +51,12 @@ class Par(NamedTuple):
     xd: Annotated[float, "pu", "synchronous reactance, d axis", POSITIVE]
     x1d: Annotated[float, "pu", "transient reactance, d axis", POSITIVE]
     x2: Annotated[float, "pu", "subtransient reactance, both axes", POSITIVE]
-    T1d: Annotated[float, "s", "transient open-circuit time constant, d axis (0: circuit open)", NOT_NEGATIVE]
-    T2d: Annotated[float, "s", "subtransient open-circuit time constant, d axis (0: circuit open)", NOT_NEGATIVE]
+    T1d: Annotated[float, "s", "transient open-circuit time constant, d axis", POSITIVE]
+    T2d: Annotated[float, "s", "subtransient open-circuit time constant, d axis (0: none, x2 = x1d)", NOT_NEGATIVE]
     xq: Annotated[float, "pu", "synchronous reactance, q axis", POSITIVE]
     x1q: Annotated[float, "pu", "transient reactance, q axis", POSITIVE]
-    T1q: Annotated[float, "s", "transient open-circuit time constant, q axis (0: circuit open)", NOT_NEGATIVE]
-    T2q: Annotated[float, "s", "subtransient open-circuit time constant, q axis (0: circuit open)", NOT_NEGATIVE]
+    T1q: Annotated[float, "s", "transient open-circuit time constant, q axis (0: none, x1q = xq)", NOT_NEGATIVE]
+    T2q: Annotated[float, "s", "subtransient open-circuit time constant, q axis (0: none, x2 = x1q)", NOT_NEGATIVE]
     S10: Annotated[float, "pu", "saturation at flux 1.0 (0: unsaturated)", NOT_NEGATIVE] = 0.0
     S12: Annotated[float, "pu", "saturation at flux 1.2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
     speed_factor: Annotated[int, "-", "1: stator voltage omega psi'' (PST), 0: psi'' (PSS/E)", Interval(ge=0, le=1)] = 0
@@ -69,7 +69,9 @@ class Par(NamedTuple):
         for name in ("x1d", "x1q"):
             if getattr(self, name) == self.xl:
                 yield name, f"must differ from the leakage reactance xl = {self.xl:g}"
-        yield from open_dampers(self, ("T2d", "x2", "x1d"), ("T2q", "x2", "x1q"))
+        yield from absent(self, ("T2d", "x2", "x1d"), ("T1q", "x1q", "xq"), ("T2q", "x2", "x1q"))
+        if self.T1q == 0 and self.x1q == self.xq and self.S10 > 0 and self.S12 > 0:
+            yield "T1q", "must be above 0 where there is saturation, which moves the flux of the q axis, too"
         yield from mistakes(self)
 
 
@@ -138,11 +140,19 @@ def derivatives(x, u, y, p):
     return State(
         p.wb * (x.omega - 1),
         (torque(x, u, p) - y.Te - p.D * (x.omega - 1)) / (2 * p.H),
-        circuit_rate(p.T1d, u.Efd - y.Ifd, x.eq),
+        (u.Efd - y.Ifd) / p.T1d,
         circuit_rate(p.T2d, damp_d, x.kd),
         circuit_rate(p.T1q, -y.Ilq, x.ed),
         circuit_rate(p.T2q, damp_q, x.kq),
     )
+
+
+def from_record(_kind: str, values: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Parameters of a record. T'q0 = L/R = 0: a circuit of infinite resistance, which is absent."""
+    if values["T1q"]:
+        return values, []
+    said = "T'q0 = 0: there is no such circuit; x'q becomes xq, T'q0 becomes T''q0."
+    return values | {"x1q": values["xq"], "T1q": values["T2q"]}, [said]
 
 
 def guess(V, I, p):

@@ -23,12 +23,12 @@ from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import circuit_rate, quadratic
 
 from .saturation import mistakes, points
-from .stator import Input, Internal, Output, admittance, open_dampers, source, stator, torque
+from .stator import Input, Internal, Output, absent, admittance, source, stator, torque
 
 NAME = "GENSAL"
 ROLE = "machine"
 CONTINUATION = ("SB",)
-CLOSED = ("T1d", "T2d", "T2q")
+CLOSED = ("T2d", "T2q")
 DYR = {"GENSAL": "T1d T2d T2q H D xd xq x1d x2 xl S10 S12"}
 __all__ = [
     "CLOSED", "CONTINUATION", "DYR", "NAME", "ROLE", "Input", "Internal", "Output", "Par", "State", "admittance",
@@ -48,10 +48,10 @@ class Par(NamedTuple):
     xd: Annotated[float, "pu", "synchronous reactance, d axis", POSITIVE]
     x1d: Annotated[float, "pu", "transient reactance, d axis", POSITIVE]
     x2: Annotated[float, "pu", "subtransient reactance, both axes", POSITIVE]
-    T1d: Annotated[float, "s", "transient open-circuit time constant, d axis (0: circuit open)", NOT_NEGATIVE]
-    T2d: Annotated[float, "s", "subtransient open-circuit time constant, d axis (0: circuit open)", NOT_NEGATIVE]
+    T1d: Annotated[float, "s", "transient open-circuit time constant, d axis", POSITIVE]
+    T2d: Annotated[float, "s", "subtransient open-circuit time constant, d axis (0: none, x2 = x1d)", NOT_NEGATIVE]
     xq: Annotated[float, "pu", "synchronous reactance, q axis", POSITIVE]
-    T2q: Annotated[float, "s", "subtransient open-circuit time constant, q axis (0: circuit open)", NOT_NEGATIVE]
+    T2q: Annotated[float, "s", "subtransient open-circuit time constant, q axis (0: none, x2 = xq)", NOT_NEGATIVE]
     S10: Annotated[float, "pu", "saturation at E'q = 1.0 (0: unsaturated)", NOT_NEGATIVE] = 0.0
     S12: Annotated[float, "pu", "saturation at E'q = 1.2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
     torque: Annotated[int, "-", "1: Pm is a torque (textbooks), 0: a power, Pm/omega (PSS/E)", Interval(ge=0, le=1)] = 0
@@ -62,7 +62,7 @@ class Par(NamedTuple):
         """Field and sentence of everything the equations cannot be formed with."""
         if self.x1d == self.xl:
             yield "x1d", f"must differ from the leakage reactance xl = {self.xl:g}"
-        yield from open_dampers(self, ("T2d", "x2", "x1d"), ("T2q", "x2", "xq"))
+        yield from absent(self, ("T2d", "x2", "x1d"), ("T2q", "x2", "xq"))
         yield from mistakes(self)
 
 
@@ -122,7 +122,7 @@ def rates(x, u, y, p, iron):
     return State(
         p.wb * (x.omega - 1),
         (torque(x, u, p) - y.Te - p.D * (x.omega - 1)) / (2 * p.H),
-        circuit_rate(p.T1d, u.Efd - y.Ifd, x.eq),
+        (u.Efd - y.Ifd) / p.T1d,
         circuit_rate(p.T2d, damping(x, y.id, p), x.kd),
         circuit_rate(p.T2q, -x.kq - (p.xq - p.x2) * y.iq - iron, x.kq),
     )

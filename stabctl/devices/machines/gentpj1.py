@@ -22,13 +22,14 @@ from stabctl._util.jit import inline
 from stabctl._util.schema import FROM_CASE, NOT_NEGATIVE, POSITIVE
 from stabctl.devices.blocks import at_least, circuit_rate, magnitude
 
+from .genrou import from_record
 from .saturation import mistakes, points
-from .stator import Input, Internal, Output, mean, norton, open_dampers, rest, solved, terminal, torque
+from .stator import Input, Internal, Output, absent, mean, norton, rest, solved, terminal, torque
 
 NAME = "GENTPJ1"
 ROLE = "machine"
 CONTINUATION = ("SB",)
-CLOSED = ("T1d", "T2d", "T1q", "T2q")
+CLOSED = ("T1q",)
 STEPS = 4  # of Newton's method; the error is squared by each of them
 DYR = {
     "GENTPJ1": "T1d T2d T1q T2q H D xd xq x1d x1q x2d x2q xl S10 S12 Kis",
@@ -36,7 +37,7 @@ DYR = {
 }
 __all__ = [
     "CLOSED", "CONTINUATION", "DYR", "NAME", "ROLE", "Input", "Internal", "Output", "Par", "State", "admittance",
-    "current", "derivatives", "fault_admittance", "internal", "output", "source",
+    "current", "derivatives", "fault_admittance", "from_record", "internal", "output", "source",
 ]  # fmt: skip
 
 
@@ -52,13 +53,13 @@ class Par(NamedTuple):
     xd: Annotated[float, "pu", "synchronous reactance, d axis", POSITIVE]
     x1d: Annotated[float, "pu", "transient reactance, d axis", POSITIVE]
     x2d: Annotated[float, "pu", "subtransient reactance, d axis", POSITIVE]
-    T1d: Annotated[float, "s", "transient open-circuit time constant, d axis (0: circuit open)", NOT_NEGATIVE]
-    T2d: Annotated[float, "s", "subtransient open-circuit time constant, d axis (0: circuit open)", NOT_NEGATIVE]
+    T1d: Annotated[float, "s", "transient open-circuit time constant, d axis", POSITIVE]
+    T2d: Annotated[float, "s", "subtransient open-circuit time constant, d axis", POSITIVE]
     xq: Annotated[float, "pu", "synchronous reactance, q axis", POSITIVE]
     x1q: Annotated[float, "pu", "transient reactance, q axis", POSITIVE]
     x2q: Annotated[float, "pu", "subtransient reactance, q axis", POSITIVE]
-    T1q: Annotated[float, "s", "transient open-circuit time constant, q axis (0: circuit open)", NOT_NEGATIVE]
-    T2q: Annotated[float, "s", "subtransient open-circuit time constant, q axis (0: circuit open)", NOT_NEGATIVE]
+    T1q: Annotated[float, "s", "transient open-circuit time constant, q axis (0: none, x1q = xq)", NOT_NEGATIVE]
+    T2q: Annotated[float, "s", "subtransient open-circuit time constant, q axis", POSITIVE]
     S10: Annotated[float, "pu", "saturation at 1.0 (0: unsaturated)", NOT_NEGATIVE] = 0.0
     S12: Annotated[float, "pu", "saturation at 1.2 (0: unsaturated)", NOT_NEGATIVE] = 0.0
     Kis: Annotated[float, "pu", "flux equivalent of the stator current (0: GENTPF)", NOT_NEGATIVE] = 0.0
@@ -71,7 +72,7 @@ class Par(NamedTuple):
         for name, low in (("x1d", "x2d"), ("x1q", "x2q")):
             if getattr(self, name) == getattr(self, low):
                 yield name, f"must differ from {low} = {getattr(self, low):g}"
-        yield from open_dampers(self, ("T2d", "x2d", "x1d"), ("T2q", "x2q", "x1q"))
+        yield from absent(self, ("T1q", "x1q", "xq"))
         yield from mistakes(self)
 
 
@@ -172,10 +173,10 @@ def derivatives(x, u, i, v, y, p):
     return State(
         p.wb * (x.omega - 1),
         (torque(x, u, p) - y.Te - p.D * (x.omega - 1)) / (2 * p.H),
-        circuit_rate(p.T1d, u.Efd - y.Ifd, x.eq),
-        circuit_rate(p.T2d, (1 + S) * (x.eq - x.kd) - (p.x1d - p.x2d) * y.id, x.kd),
+        (u.Efd - y.Ifd) / p.T1d,
+        ((1 + S) * (x.eq - x.kd) - (p.x1d - p.x2d) * y.id) / p.T2d,
         circuit_rate(p.T1q, -y.Ilq, x.ed),
-        circuit_rate(p.T2q, (1 + p.xq / p.xd * S) * (x.ed - x.kq) - (p.x1q - p.x2q) * y.iq, x.kq),
+        ((1 + p.xq / p.xd * S) * (x.ed - x.kq) - (p.x1q - p.x2q) * y.iq) / p.T2q,
     )
 
 

@@ -12,6 +12,11 @@ from stabctl._util.jit import inline
 from stabctl.devices.blocks import magnitude
 from stabctl.devices.ports import PORT
 
+WITHOUT = {
+    "1": "a machine without this circuit has x1q = xq, one with a constant flux a large T1q, such as 999 s",
+    "2": "a machine without subtransient circuits is a two_axis",
+}
+
 
 class Input(NamedTuple):
     """Signals at a machine."""
@@ -44,15 +49,15 @@ class Internal(NamedTuple):
     w: Annotated[float, "pu", "factor of the stator voltage: the speed, or 1"]
 
 
-def open_dampers(p: Any, *circuits: tuple[str, str, str]) -> Iterator[tuple[str, str]]:
-    """Field and sentence of every subtransient circuit (time constant, reactances with and without it) that is open.
+def absent(p: Any, *circuits: tuple[str, str, str]) -> Iterator[tuple[str, str]]:
+    """Field and sentence of every circuit (time constant, reactances with and without it) that is wrongly absent.
 
-    Its flux would stay as it is. Where both reactances are equal, nothing depends on it.
+    Only where both reactances are equal does nothing depend on its flux.
     """
     for T, closed, opened in circuits:
         if getattr(p, T) == 0 and getattr(p, closed) != getattr(p, opened):
             text = f"must be above 0 where {opened} = {getattr(p, opened):g} is not {closed} = {getattr(p, closed):g}"
-            yield T, f"{text}; a machine without subtransient circuits is a two_axis"
+            yield T, f"{text}; {WITHOUT[T[1]]}"
 
 
 @inline

@@ -12,6 +12,7 @@ speed. Unsaturated. Per unit on the machine's own MVA; `mva` converts currents t
 Source: Sauer, Pai, Power System Dynamics and Stability, sections 5.4 and 7.6.
 """
 
+from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ from .stator import Input, Internal, Output
 
 NAME = "two-axis machine"
 ROLE = "machine"
-CLOSED = ("T1d", "T1q")
+CLOSED = ("T1q",)
 __all__ = [
     "CLOSED", "NAME", "ROLE", "Input", "Internal", "Output", "Par", "State", "admittance", "current", "derivatives",
     "fault_admittance", "internal", "output", "source",
@@ -43,10 +44,14 @@ class Par(NamedTuple):
     ra: Annotated[float, "pu", "armature resistance", NOT_NEGATIVE]
     xd: Annotated[float, "pu", "synchronous reactance, d axis", POSITIVE]
     x1d: Annotated[float, "pu", "transient reactance, d axis", POSITIVE]
-    T1d: Annotated[float, "s", "transient open-circuit time constant, d axis (0: circuit open)", NOT_NEGATIVE]
+    T1d: Annotated[float, "s", "transient open-circuit time constant, d axis", POSITIVE]
     xq: Annotated[float, "pu", "synchronous reactance, q axis", POSITIVE]
     x1q: Annotated[float, "pu", "transient reactance, q axis", POSITIVE]
-    T1q: Annotated[float, "s", "transient open-circuit time constant, q axis (0: circuit open)", NOT_NEGATIVE]
+    T1q: Annotated[float, "s", "transient open-circuit time constant, q axis (0: none, x1q = xq)", NOT_NEGATIVE]
+
+    def errors(self) -> Iterator[tuple[str, str]]:
+        """Field and sentence of everything the equations cannot be formed with."""
+        yield from stator.absent(self, ("T1q", "x1q", "xq"))
 
 
 class State(NamedTuple):
@@ -108,7 +113,7 @@ def derivatives(x, u, y, p):
     return State(
         p.wb * slip,
         (u.Pm - y.Te - p.D * slip) / (2 * p.H),
-        circuit_rate(p.T1d, u.Efd - y.Ifd, x.eq),
+        (u.Efd - y.Ifd) / p.T1d,
         circuit_rate(p.T1q, -y.Ilq, x.ed),
     )
 

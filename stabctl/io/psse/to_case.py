@@ -16,7 +16,7 @@ from stabctl.model import naming, tables
 from stabctl.model.case import Case
 from stabctl.model.tables import Load, Machine
 
-from .._table_builder import AT_LIMIT, ISOLATED
+from .._table_builder import AT_LIMIT, ISOLATED, without_owner
 from . import dyr, network, raw
 from .dyr import Dynamics, LoadScopes, Unsupported
 from .network import Network, Source
@@ -24,7 +24,6 @@ from .network import Network, Source
 Missing = Literal["refuse", "injection"]
 MissingControls = Literal["refuse", "fixed"]
 WITHOUT_RECORD = "generator"  # kind of a machine that no record models
-ACTS_ON = {"stabilizer": "exciter", "plant control": "electrical control"}  # role -> role of what it acts on
 CONTROLS: Mapping[str, tuple[str, Callable[[Any], object]]] = {  # of a power flow: section, and whether a record has it
     "tap changers": ("transformer", lambda t: t.head.STAT and any(w.COD in (1, 2, 4) for w in t.windings)),
     "phase shifters": ("transformer", lambda t: t.head.STAT and any(w.COD in (3, 5) for w in t.windings)),
@@ -158,12 +157,13 @@ def _idle(file: raw.Raw) -> Iterator[str]:
 def _isolated(file: raw.Raw) -> Iterator[str]:
     """What is in service at buses of type 4, a sentence for each bus."""
     at: dict[int, Counter[str]] = {bus.I: Counter() for bus, _ in file.of("bus") if bus.IDE == ISOLATED}
-    for section in ("load", "shunt", "switched_shunt", "generator", "branch", "switch", "transformer"):
+    for section in ("load", "shunt", "switched_shunt", "generator", "branch", "switch", "transformer", "dc"):
         for record, _ in file.of(section):
-            one = record.head if section == "transformer" else record
-            if any(getattr(one, status, 0) for status in ("STATUS", "STAT", "ST")):
-                for bus in {abs(getattr(one, end, 0)) for end in "IJK"} & at.keys():
-                    at[bus][section.replace("_", " ")] += 1
+            one = getattr(record, "head", record)
+            ends = (record.rectifier.IP, record.inverter.IP) if section == "dc" else (getattr(one, k, 0) for k in "IJK")
+            if any(getattr(one, status, 0) for status in ("STATUS", "STAT", "ST", "MDC")):
+                for bus in set(map(abs, ends)) & at.keys():
+                    at[bus]["DC line" if section == "dc" else section.replace("_", " ")] += 1
     for bus, place in file.of("bus"):
         if at.get(bus.I):
             what = ", ".join(counted(n, noun) for noun, n in at[bus.I].items())
@@ -204,7 +204,7 @@ def _settle(
     _refuse(dyr, lacking if missing == "refuse" else [], controls if missing_controls == "refuse" else [], dynamics)
     said = [_new_swing(net, bus, lacking) for bus in _swings_without(net, lacking)]
     said += [_injection(net, dynamics, m) for m in lacking]
-    return said + _without_owner(dynamics, names)
+    return said + without_owner(dynamics.rows, dynamics.places, names)
 
 
 def _refuse(
@@ -259,23 +259,6 @@ def _injection(net: Network, dynamics: Dynamics, m: Machine) -> str:
     if m.p or m.q:
         net.add("loads", Load(m.bus, -m.p, -m.q, 1.0, 1.0, v_low=net.raw.power_low, id=m.name, kind="injection"), place)
     return f"{place}: machine {m.name} has no model and is a constant-power injection of {m.p:.4g} MW, {m.q:.4g} Mvar."
-
-
-def _without_owner(dynamics: Dynamics, names: Mapping[int, str]) -> list[str]:
-    """Leave out the controls that act on a control which has no model: its stabilizers, its plant control."""
-    said = []
-    for role, owner in ACTS_ON.items():
-        known = {naming.number(key) for model in tables.of_role(owner) for key in dynamics.rows.get(model, {})}
-        for model in tables.of_role(role):
-            rows: dict[naming.Key, Any] = dynamics.rows.get(model, {})
-            for key, place in zip(list(rows), list(dynamics.places.get(model, ())), strict=True):
-                if naming.number(key) not in known:
-                    del rows[key]
-                    dynamics.places[model].remove(place)
-                    said.append(
-                        f"{place}: {model} of {names[naming.number(key)]} left out, because its {owner} has no model."
-                    )
-    return said
 
 
 def _without(net: Network, dynamics: Dynamics) -> list[Machine]:

@@ -22,7 +22,7 @@ from stabctl.model.case import Case
 from stabctl.model.tables import Branch, Bus, Load, Machine
 
 from .._lexer import Place
-from .._table_builder import TableBuilder
+from .._table_builder import TableBuilder, without_owner
 from ..psse.dyr import Unsupported
 from . import tables
 from .tables import Pst, Row
@@ -112,6 +112,8 @@ class _Reader:
         self._machines()
         for table, controls in (("exc_con", _exciter), ("pss_con", _stabilizer), ("tg_con", _governor)):
             self._controls(table, controls)
+        names = {number: f"machine {number}" for number in self.machines}
+        self.net.corrections += without_owner(self.rows, self.places, names)
         self.net.reference()
         apart = self.net.settle_islands(str(self.file.path))
         self._generation()
@@ -228,7 +230,7 @@ class _Reader:
                     f"x'q = {x1q:g} pu stays beside x'd = {x1d:g} pu; the stator of PST has x'd on both axes"
                 )
             x1q = x1q or (x1d if not circuits else xq if T1q == 0 else 0.0)
-            if T1q == 0 and x1q != xq:
+            if T1q == 0 and (x1q != xq or (circuits and S10 and S12)):
                 T1q = OPEN
                 changed.append(f"T'q0 = 0 becomes {OPEN:g} s, as in PST")
             if (S10 or S12) and circuits:

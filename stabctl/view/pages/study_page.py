@@ -14,6 +14,7 @@ from stabctl.controllers import BangBang
 from stabctl.io import load, packaged
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
+from stabctl.smallsignal.analysis import DAMPING
 
 from ..figures import clearing, grid_strength, one_line
 from ..figures import modes as eigenvalues
@@ -270,10 +271,13 @@ def _lines(study: Study) -> Iterator[Part]:
     rules += f", step={search.step!r}" * bool(search.step)
     faults += rules + ", criteria=..." * bool(how.criteria)
     law = ", control=..." if how.control else ""
+    modes = f"modes(({BAND[0]:g}, {BAND[1]:g})" + f", damping={study.wanted.dampings}" * (
+        study.wanted.dampings != DAMPING
+    )
     every = [
         how.source or _made(case),
         "base.power_flow(); base.case.check()",
-        f"base.modes(({BAND[0]:g}, {BAND[1]:g}))",
+        f"base.{modes})",
         f"base.screen(faults={faults}{law})",
     ]
     for m, (_, until) in zip(study.margins, study.runs, strict=False):
@@ -281,7 +285,7 @@ def _lines(study: Study) -> Iterator[Part]:
     for change in (r.change for r in study.remedies if r.change):
         law = ", control=st.BangBang()" if change.control == [BangBang()] else ", control=..." if change.control else ""
         every.append(f"changed = base.case.{change.code}.initialize()  # {change.words}")
-        every.append(f"changed.modes(({BAND[0]:g}, {BAND[1]:g})); changed.screen(faults={faults}{law})")
+        every.append(f"changed.{modes}); changed.screen(faults={faults}{law})")
     yield pattern.made("lines.html", lines=every)
 
 
