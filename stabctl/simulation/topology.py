@@ -99,7 +99,7 @@ def _held(point: OperatingPoint) -> np.ndarray:
 
 
 def _blocked(point: OperatingPoint, alive: np.ndarray) -> Iterator[tuple[str, int, Any]]:
-    """The links with a terminal that has no voltage, blocked."""
+    """The links with a terminal in a blacked-out island, blocked; a fault at a terminal blocks none."""
     for f in point.system.families:
         if f.device.role == "link":
             bus = (f.w[:, [family.BUS, family.BUS2]] - point.layout.nx) // 2
