@@ -324,12 +324,8 @@ def test_modes_are_eigenvectors_of_the_state_matrix(factor):
 def test_the_theory_on_the_page_is_that_of_two_machines():
     """Equal areas of the equivalent of machine 7: angles in degrees, areas closed by quadrature, speeds in Hz."""
     pair = equivalent(CASE, 7)
-    Pf, Pm, Pmax, M = (
-        pair.Pfault,
-        pair.Pm1,
-        1 / pair.X,
-        2 * pair.H1 * pair.HCOI / (pair.H1 + pair.HCOI) / (2 * np.pi * HZ),
-    )
+    Pf, Pm, Pmax = pair.Pfault, pair.Pm1, 1 / pair.X
+    M = 2 * pair.H1 * pair.HCOI / (pair.H1 + pair.HCOI) / (2 * np.pi * HZ)
     shares = H * MVA / BASE
     assert (pair.H1, pair.HCOI) == (pytest.approx(shares[0]), pytest.approx(shares[1:].sum()))
     found = answers.equal_area_answer(CASE, 7, 4.0)
