@@ -29,10 +29,11 @@ def study(reports: Path) -> Study:
     }
     at_bus = [base.clearing_time(st.Contingency("7", trip=LINE), **options).cycles for options in CASES.values()]
     last, first = (float(np.interp(CYCLES, curve, LOCATIONS)) for curve in curves.values())
+    places = f"from {np.ceil(100 * first) / 100:.2f} to {np.floor(100 * last) / 100:.2f}"
     text = (
         f"The paper does not say where on the circuit the fault is; ours is at {LOCATION:g} of its length from bus 7. "
-        f"There, {CYCLES} cycles are unstable without storage and stable with it, as at all locations from {first:.2f} "
-        f"to {last:.2f}. For a fault at bus 7, the critical clearing times are {at_bus[0]:g} and {at_bus[1]:g} cycles."
+        f"There, {CYCLES} cycles are unstable without storage and stable with it, as at all locations {places}. "
+        f"For a fault at bus 7, the critical clearing times are {at_bus[0]:g} and {at_bus[1]:g} cycles."
     )
     rows = tuple(
         (name, run.outcome.message, f"{run.max_angle_from_coi_deg:.0f} degrees", f"{curve:g}", f"{bus:g}")

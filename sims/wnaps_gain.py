@@ -14,8 +14,8 @@ ROUNDING = "In whole cycles, the gain is constant from 20 % on. In eighths of a 
 TEXT = (
     "The paper does not say of what its ratings are percentages. Here they are percentages of the dispatched power of "
     "each machine, for constant-conductance devices with 0.05 s of lag, and the system is observed for 5 s after "
-    "clearing. This is one of several readings that give the paper's numbers. With percentages of MVA and constant "
-    "power, the gains are about twice as large.",
+    "clearing. Of the devices and lags tried (docs/paper.md), only these give the paper's numbers. With percentages of "
+    "MVA and constant power, the gains are about twice as large.",
     "The printed gains are those of clearing times of 5, 6, 7, 8, 8 and 8 whole cycles, and are compared with ours in "
     "whole cycles. The last comparison and the table also give ours in eighths of a cycle.",
 )

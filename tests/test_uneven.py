@@ -324,34 +324,36 @@ def test_modes_are_eigenvectors_of_the_state_matrix(factor):
 def test_the_theory_on_the_page_is_that_of_two_machines():
     """Equal areas of the equivalent of machine 7: angles in degrees, areas closed by quadrature, speeds in Hz."""
     pair = equivalent(CASE, 7)
-    Pm, Pmax, M = pair.Pm1, 1 / pair.X, 2 * pair.H1 * pair.HCOI / (pair.H1 + pair.HCOI) / (2 * np.pi * HZ)
+    Pf, Pm, Pmax = pair.Pfault, pair.Pm1, 1 / pair.X
+    M = 2 * pair.H1 * pair.HCOI / (pair.H1 + pair.HCOI) / (2 * np.pi * HZ)
     shares = H * MVA / BASE
     assert (pair.H1, pair.HCOI) == (pytest.approx(shares[0]), pytest.approx(shares[1:].sum()))
     found = answers.equal_area_answer(CASE, 7, 4.0)
     start, stop = np.arcsin(Pm / Pmax), np.pi - np.arcsin(Pm / Pmax)
     T = 4.0 / HZ
-    clearing = start + Pm / M * T**2 / 2
+    clearing = start + (Pm - Pf) / M * T**2 / 2
     assert (found["Pm"], found["Pmax"]) == (pytest.approx(Pm), pytest.approx(Pmax))
     assert np.deg2rad(found["unstable"]) == pytest.approx(stop)
     assert np.deg2rad(found["marks"][:2]) == pytest.approx([start, clearing])
     end = np.deg2rad(found["marks"][2])
     braking = Pmax * (np.cos(clearing) - np.cos(end)) - Pm * (end - clearing)
-    assert braking == pytest.approx(Pm * (clearing - start), rel=1e-9)
+    assert braking == pytest.approx((Pm - Pf) * (clearing - start), rel=1e-9)
     angle, speed = np.deg2rad(found["curve"][0]), 2 * np.pi * np.array(found["curve"][1])
     at = found["cleared"]
     assert angle[at] == pytest.approx(clearing, abs=1e-6)
-    assert speed[at] == pytest.approx(Pm / M * T, rel=1e-6)
+    assert speed[at] == pytest.approx((Pm - Pf) / M * T, rel=1e-6)
     energy = M / 2 * speed[at:] ** 2 - Pm * angle[at:] - Pmax * np.cos(angle[at:])
     assert np.ptp(energy) < 1e-6 * abs(energy[0])
     edge, rate = np.deg2rad(found["separatrix"][0]), 2 * np.pi * np.array(found["separatrix"][1])
     on_edge = M / 2 * rate**2 - Pm * edge - Pmax * np.cos(edge)
     assert on_edge == pytest.approx(-Pm * stop - Pmax * np.cos(stop), abs=1e-9)
-    delta = np.arccos((Pm * (stop - start) + Pmax * np.cos(stop)) / Pmax)
-    assert found["critical"] == pytest.approx(HZ * np.sqrt(2 * M * (delta - start) / Pm), rel=1e-9)
+    delta = start + (Pm - Pf) / M * (found["critical"] / HZ) ** 2 / 2
+    braking = Pmax * (np.cos(delta) - np.cos(stop)) - Pm * (stop - delta)
+    assert braking == pytest.approx((Pm - Pf) * (delta - start), rel=1e-9)
     assert found["stable"] is (found["critical"] > 4)
     held, share = pair.critical(0.2), pair.HCOI / (pair.H1 + pair.HCOI)
     braking = Pmax * (np.cos(held.angle) - np.cos(stop)) + (0.2 * share - Pm) * (stop - held.angle)
-    assert braking == pytest.approx(Pm * (held.angle - start), rel=1e-9)
+    assert braking == pytest.approx((Pm - Pf) * (held.angle - start), rel=1e-9)
 
 
 def test_every_signal_that_can_be_read(flow):

@@ -62,7 +62,9 @@ def equal_area(
     if plot:
         area.save(plot)
     if as_json:
-        print_json({"critical_angle_rad": found.angle, "critical_time_s": found.time, "critical_cycles": found.cycles})
+        critical = {"critical_angle_rad": found.angle, "critical_time_s": found.time, "critical_cycles": found.cycles}
+        shown = {"clearing_angle_rad": area.clearing, "unstable_angle_rad": area.unstable}
+        print_json(critical | shown | {"a1_pu_rad": area.A1, "a2_pu_rad": area.A2})
         return
     lines = [
         ("critical clearing angle", f"{found.angle:.6f} rad"),

@@ -88,7 +88,7 @@ def _stage(point: OperatingPoint, switching: Switching) -> Stage:
 
 
 def _blocked(point: OperatingPoint, alive: np.ndarray) -> Iterator[tuple[str, int, Any]]:
-    """The links with a terminal that has no voltage, blocked."""
+    """The links with a terminal in a blacked-out island, blocked; a fault at a terminal blocks none."""
     for f in point.system.families:
         if f.device.role == "link":
             bus = (f.w[:, [family.BUS, family.BUS2]] - point.layout.nx) // 2

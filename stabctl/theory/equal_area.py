@@ -3,7 +3,7 @@
 A device that absorbs P_C after clearing adds P_C to the decelerating power. It must stop the machine before the
 unstable equilibrium of the network *without* it, because the device switches off when the machine is at rest.
 
-    A1 = integral of  Pm - Pfault sin d        from start to clearing
+    A1 = integral of  Pm - Pe of the fault     from start to clearing
     A2 = integral of  Pmax sin d + P_C - Pm    from clearing to the unstable equilibrium
 """
 
@@ -82,7 +82,7 @@ class EqualArea(Tabular):
 
 def accelerating(m: OMIB, clearing: float) -> float:
     """Area A1 (11) up to the clearing angle (rad), pu rad: the kinetic energy gained in the fault."""
-    return m.Pm * (clearing - m.start) + m.Pmax_fault * (math.cos(clearing) - math.cos(m.start))
+    return m.driving * (clearing - m.start) + m.Pmax_fault * (math.cos(clearing) - math.cos(m.start))
 
 
 def decelerating(m: OMIB, clearing: float, stop: float, absorbed: float = 0.0) -> float:
@@ -93,8 +93,8 @@ def decelerating(m: OMIB, clearing: float, stop: float, absorbed: float = 0.0) -
 def critical_clearing(m: OMIB, absorbed: float = 0.0) -> CriticalClearing:
     """The critical clearing angle and time.
 
-    Without P_C the angle has a closed form; with it, A1 = A2 is one equation in the angle. The time has a closed form
-    for a bolted fault; otherwise it is the integral of d(delta)/omega during the fault.
+    A1 = A2 is one equation in the angle. The time has a closed form for a bolted fault; otherwise it is the integral of
+    d(delta)/omega during the fault.
 
     Parameters
     ----------
@@ -117,11 +117,7 @@ def critical_clearing(m: OMIB, absorbed: float = 0.0) -> CriticalClearing:
         raise StudyError("The machine loses synchronism even if the fault is cleared at once; lower Pm or Xpost.")
     if excess(m.unstable) <= 0:
         raise StudyError(ALWAYS_STABLE)
-    if absorbed == 0:
-        peaks = m.Pmax_post * math.cos(m.unstable) - m.Pmax_fault * math.cos(m.start)
-        angle = math.acos((m.Pm * (m.unstable - m.start) + peaks) / (m.Pmax_post - m.Pmax_fault))
-    else:
-        angle = brentq(excess, m.start, m.unstable, xtol=1e-14)
+    angle = brentq(excess, m.start, m.unstable, xtol=1e-14)
     time = _time_in_fault(m, angle)
     return CriticalClearing(angle, time, time * m.fb, absorbed)
 
@@ -151,7 +147,8 @@ def equal_area(m: OMIB, clearing: float, absorbed: float = 0.0) -> EqualArea:
     d = np.union1d(np.linspace(0, math.pi, 361), [m.start, clearing, stop, m.unstable])
     Pe = m.Pmax_post * np.sin(d)
     areas = accelerating(m, clearing), decelerating(m, clearing, stop, absorbed)
-    return EqualArea(m.Pm, absorbed, m.start, clearing, stop, m.unstable, *areas, d, m.Pmax_fault * np.sin(d), Pe)
+    Pe_fault = m.Pfault + m.Pmax_fault * np.sin(d)
+    return EqualArea(m.Pm, absorbed, m.start, clearing, stop, m.unstable, *areas, d, Pe_fault, Pe)
 
 
 def simulated_critical_time(m: OMIB, absorbed: float = 0.0, resolution: float = 1e-9) -> float:
@@ -177,22 +174,22 @@ def _check_absorbed(power: float) -> None:
 
 def _least_area(m: OMIB, angle: float) -> float:
     """The least A1 at `angle` (rad) and where the fault decelerates before it; below 0, the machine returns earlier."""
-    turn = math.pi - math.asin(m.Pm / m.Pmax_fault) if m.Pmax_fault > m.Pm else angle
+    turn = math.pi - math.asin(m.driving / m.Pmax_fault) if m.Pmax_fault > m.driving else angle
     return min(accelerating(m, min(angle, turn)), accelerating(m, angle))
 
 
 def _time_in_fault(m: OMIB, angle: float) -> float:
     """Time (s) from the start of the fault to `angle` (rad)."""
     if m.Xfault is None:
-        return math.sqrt(2 * m.M * (angle - m.start) / m.Pm)
+        return math.sqrt(2 * m.M * (angle - m.start) / m.driving)
     if _least_area(m, angle) <= 0:
         raise StudyError(ALWAYS_STABLE)
 
     def integrand(z: float) -> float:  # d = start + z^2 removes the singularity at the start, where the speed is zero
         if z == 0:
-            return math.sqrt(2 * m.M / (m.Pm - m.Pmax_fault * math.sin(m.start)))
+            return math.sqrt(2 * m.M / (m.driving - m.Pmax_fault * math.sin(m.start)))
         # A1 written without a difference of cosines, which would cancel
-        area = m.Pm * z**2 - 2 * m.Pmax_fault * math.sin(m.start + z**2 / 2) * math.sin(z**2 / 2)
+        area = m.driving * z**2 - 2 * m.Pmax_fault * math.sin(m.start + z**2 / 2) * math.sin(z**2 / 2)
         return 2 * z / math.sqrt(2 / m.M * area)
 
     return quad(integrand, 0, math.sqrt(angle - m.start), epsabs=1e-13, epsrel=1e-12, limit=200)[0]

@@ -80,6 +80,11 @@ class MinimumTimeProblem:
         """Unstable equilibrium, rad, in the direction of motion."""
         return math.copysign(math.pi, self.x2) - math.asin(self.Pm / self.Pmax)
 
+    @property
+    def driving(self) -> float:
+        """Pm less what acts of the largest absorbed power, pu."""
+        return self.Pm - self.Pc_max * self.M / self.M1
+
     def acceleration(self, x1: ArrayLike, Pc: ArrayLike) -> Array:
         """x2' of (28), rad/s^2; angle in rad and P_C in pu, broadcast against each other."""
         return (self.Pm - self.Pmax * np.sin(x1)) / self.M - np.asarray(Pc) / self.M1
@@ -136,7 +141,8 @@ def by_shooting(p: MinimumTimeProblem) -> MinimumTime:
     The end angle alone determines the end state (x2 = lambda1 = 0, and H = 0 scales the co-states), so the extremals
     form a one-parameter family; the method finds the one that passes through the state at clearing. If an extremal
     would end beyond the limit angle, the family continues with lambda1 >= 0 at the limit. Of several extremals the
-    shortest is taken.
+    shortest is taken. If the device must inject (Pc_max < 0), the machine accelerates near the limit and cannot end
+    there; the family ends where it no longer decelerates.
 
     Raises StudyError if no extremal is found although a control exists, which only rounding at the limit can cause.
     """
@@ -147,9 +153,10 @@ def by_shooting(p: MinimumTimeProblem) -> MinimumTime:
         return by_shooting(p.mirrored()).mirrored()
 
     first = nearest - 1e-6 * (nearest - p.x1)  # slightly too close, so that the errors change sign
+    last = p.limit if p.Pc_max >= 0 else math.pi - math.asin(p.driving / p.Pmax)
 
     def end(s: float) -> Array:  # 0 <= s <= 1 moves the end angle; 1 <= s <= 2 raises lambda1 at the limit
-        x1 = first + min(s, 1 - 1e-9) * (p.limit - first)
+        x1 = first + min(s, 1 - 1e-9) * (last - first)
         slope = math.pi / 2 * max(s - 1, 0.0)
         scale = math.sqrt(p.Pmax / p.M)
         return np.array([x1, 0.0, scale * math.sin(slope), math.cos(slope)])
@@ -157,7 +164,7 @@ def by_shooting(p: MinimumTimeProblem) -> MinimumTime:
     def error(s: float) -> float:
         return float(_backward(p, end(s))[-1][1][1, -1]) - p.x2
 
-    grid = np.concatenate([np.linspace(0, 1, 33), np.linspace(1, 2, 9)[1:]])
+    grid = np.concatenate([np.linspace(0, 1, 33), np.linspace(1, 2, 9)[1:] if last == p.limit else []])
     errors = [error(s) for s in grid]
     pairs = zip(pairwise(grid), pairwise(errors), strict=True)
     found = [brentq(error, *ends, xtol=1e-15) for ends, (low, high) in pairs if low * high <= 0]
@@ -294,10 +301,9 @@ def stop_angle(p: MinimumTimeProblem) -> float:
     """
     if p.x2 < 0:
         return -stop_angle(p.mirrored())
-    decelerate = p.Pm - p.Pc_max * p.M / p.M1
 
     def energy(x1: float) -> float:  # x2^2 M/2 by (24)
-        return p.M * p.x2**2 / 2 + decelerate * (x1 - p.x1) + p.Pmax * (math.cos(x1) - math.cos(p.x1))
+        return p.M * p.x2**2 / 2 + p.driving * (x1 - p.x1) + p.Pmax * (math.cos(x1) - math.cos(p.x1))
 
     if p.x1 >= p.limit:
         return math.nan
@@ -307,12 +313,12 @@ def stop_angle(p: MinimumTimeProblem) -> float:
 
 
 def infeasible(p: MinimumTimeProblem) -> MinimumTime:
-    """The result if not even the largest absorbed power brings the speed to zero in time."""
+    """The result if no absorbed power brings the speed to zero in time."""
     which, power = ("largest", p.Pc_max) if p.x2 > 0 else ("smallest", p.Pc_min)
-    outcome = (
-        f"The speed cannot be brought to zero before the unstable equilibrium at {p.limit:.4f} rad: the {which} "
-        f"absorbed power, {power:g} pu, is too small for {p.x2:.4f} rad/s at {p.x1:.4f} rad."
-    )
+    why = f"the {which} absorbed power, {power:g} pu, is too small for {p.x2:.4f} rad/s at {p.x1:.4f} rad"
+    if (p.x1 - p.limit) * p.x2 >= 0:
+        why = f"the angle at clearing, {p.x1:.4f} rad, is already beyond it"
+    outcome = f"The speed cannot be brought to zero before the unstable equilibrium at {p.limit:.4f} rad: {why}."
     return MinimumTime(outcome, math.nan, (), *(np.empty(0) for _ in range(7)))
 
 

@@ -55,14 +55,16 @@ class OMIB:
     Xpost : float, pu, optional
         Reactance after clearing; `X` by default.
     Xfault : float, pu, optional
-        Reactance during the fault; without it the fault is bolted (Pe = 0).
+        Reactance during the fault; without it the fault is bolted.
     fb : float, Hz
         Base frequency.
+    Pfault : float, pu
+        Part of Pe during the fault that does not depend on the angle.
 
     Raises
     ------
     StudyError
-        If a value is out of range, or Pm has no equilibrium before or after the fault.
+        If a value is out of range, Pm has no equilibrium before or after the fault, or Pfault is not below Pm.
     """
 
     H: Annotated[float, "s", "inertia constant", INERTIA] = 3.0
@@ -73,9 +75,12 @@ class OMIB:
     Xpost: Annotated[float | None, "pu", "reactance after clearing, X if omitted", REACTANCE] = None
     Xfault: Annotated[float | None, "pu", "reactance during the fault, bolted if omitted", REACTANCE] = None
     fb: Annotated[float, "Hz", "base frequency", FREQUENCY] = 60.0
+    Pfault: Annotated[float, "pu", "constant part of Pe during the fault"] = 0.0
 
     def __post_init__(self) -> None:
         guard(self)
+        if self.Pfault >= self.Pm:
+            raise StudyError(f"Pfault = {self.Pfault:g} pu leaves nothing to accelerate; choose it below Pm.")
         for when, Pmax in (("before the fault", self.Pmax), ("after the fault", self.Pmax_post)):
             if self.Pm >= Pmax:
                 raise StudyError(f"Pm = {self.Pm:g} pu has no equilibrium {when}; choose Pm below Pmax = {Pmax:g} pu.")
@@ -94,6 +99,11 @@ class OMIB:
     def Pmax_fault(self) -> float:
         """Peak of the power-angle curve during the fault, pu."""
         return 0.0 if self.Xfault is None else self.V0 * self.V1 / self.Xfault
+
+    @property
+    def driving(self) -> float:
+        """Accelerating power of a bolted fault, pu."""
+        return self.Pm - self.Pfault
 
     @property
     def Pmax_post(self) -> float:
@@ -148,13 +158,13 @@ def during_fault(m: OMIB, t: float) -> tuple[float, float]:
         return bolted_fault(m, t)
     if t == 0:
         return m.start, 0.0
-    y = solve_ivp(lambda _, y: (y[1], (m.Pm - m.Pmax_fault * np.sin(y[0])) / m.M), (0, t), (m.start, 0), **TIGHT).y
+    y = solve_ivp(lambda _, y: (y[1], (m.driving - m.Pmax_fault * np.sin(y[0])) / m.M), (0, t), (m.start, 0), **TIGHT).y
     return float(y[0, -1]), float(y[1, -1])
 
 
 def bolted_fault(m: OMIB, t: float) -> tuple[float, float]:
-    """Angle (rad) and speed (rad/s) after a bolted fault of t seconds: constant acceleration Pm/M."""
-    return m.start + m.Pm / m.M * t * t / 2, m.Pm / m.M * t
+    """Angle (rad) and speed (rad/s) after a bolted fault of t seconds: constant acceleration."""
+    return m.start + m.driving / m.M * t * t / 2, m.driving / m.M * t
 
 
 PowerLaw = Callable[[float, int, float], float]
@@ -239,13 +249,13 @@ def swing_curve(
     """
     if not 0 < clearing < until < np.inf:
         raise StudyError(f"The fault must be cleared after 0 s and before {until:g} s, not at {clearing:g} s.")
-    faulted = _Arc(m, m.Pmax_fault, idle, 1)
+    faulted = _Arc(m, m.driving, m.Pmax_fault, idle, 1)
     rows, run = faulted.integrate((0.0, clearing), (m.start, 0.0))
     rests: list[tuple[float, float]] = []
     parts, sign = [rows], 1 if run.y[1, -1] >= 0 else -1
     lost = run.t_events[LIMIT]
     while (t := run.t[-1]) < until and not (decide and lost.size):
-        arc = _Arc(m, m.Pmax_post, law, sign)
+        arc = _Arc(m, m.Pm, m.Pmax_post, law, sign)
         rows, run = arc.integrate((t, until), run.y[:, -1], to_rest=True, to_limit=decide)
         parts.append(rows)
         lost = np.append(lost, run.t_events[LIMIT])
@@ -255,7 +265,7 @@ def swing_curve(
         rests.append((t, rest))
         if abs(rest - m.unstable + np.pi) > np.pi:  # passed and returned within one step, which gives no event
             lost = np.append(lost, t)
-        forward, backward = (_Arc(m, m.Pmax_post, law, s).acceleration(rest, 0.0)[0] for s in (1, -1))
+        forward, backward = (_Arc(m, m.Pm, m.Pmax_post, law, s).acceleration(rest, 0.0)[0] for s in (1, -1))
         if decide or forward <= 0 <= backward:
             break
         sign = -sign if (backward < 0 if sign > 0 else forward > 0) else sign
@@ -271,13 +281,14 @@ class _Arc:
     """A part of the swing curve with one network and one sign of the speed."""
 
     m: OMIB
+    Pm: float  # pu, less the constant part of Pe
     Pmax: float  # pu
     law: PowerLaw
     sign: int
 
     def acceleration(self, angle: float, speed: float) -> tuple[float, float]:
         """Acceleration (rad/s^2) and P_C (pu)."""
-        Pa = self.m.Pm - self.Pmax * np.sin(angle)
+        Pa = self.Pm - self.Pmax * np.sin(angle)
         power = self.law(speed, self.sign, Pa)
         return (Pa - power) / self.m.M, power
 

@@ -8,7 +8,8 @@ machines move together, every power is a constant plus a sinusoid of delta, and 
 
     M delta'' = Pm - Pmax sin delta',  M = M1 MCOI/(M1 + MCOI),  delta' = delta - gamma
 
-The constant part of the power is included in Pm, and the phase gamma in the angle.
+The constant part of the power is included in Pm, and the phase gamma in the angle. A bolted fault at the machine's bus
+takes the sinusoid away and changes the constant, because the loads have other voltages: Pfault is this change.
 """
 
 import math
@@ -44,6 +45,7 @@ class Equivalent:
     base: Annotated[float, "MVA", "base of the per-unit values", POSITIVE] = 100.0
     Xpost: Annotated[float | None, "pu", "reactance after clearing, X if omitted", REACTANCE] = None
     fb: Annotated[float, "Hz", "base frequency", FREQUENCY] = 60.0
+    Pfault: Annotated[float, "pu", "constant part of Pe in the fault, beside Pm1"] = 0.0
 
     def __post_init__(self) -> None:
         guard(self)
@@ -62,7 +64,8 @@ class Equivalent:
     @property
     def omib(self) -> OMIB:
         """The relative motion (21)-(23) as one machine on an infinite bus."""
-        return OMIB(self.H1 * self.share, self.Pm1, self.X, self.VCOI, self.V1, self.Xpost, None, self.fb)
+        H, curve = self.H1 * self.share, (self.X, self.VCOI, self.V1, self.Xpost)
+        return OMIB(H, self.Pm1, *curve, None, self.fb, self.Pfault)
 
     def minimum_time_problem(self, cycles: float, Pc_min: float = -0.5, Pc_max: float = 0.5) -> MinimumTimeProblem:
         """The control problem (29)-(31) after a bolted fault at machine 1.
@@ -94,7 +97,7 @@ class Equivalent:
 
 
 def equivalent(case: Case, machine: int) -> Equivalent:
-    """The equivalent of one machine of a case and the COI of the others.
+    """The equivalent of one machine of a case and the COI of the others; its fault is bolted, at the machine's bus.
 
     Parameters
     ----------
@@ -122,12 +125,13 @@ def equivalent(case: Case, machine: int) -> Equivalent:
     if not rest.any():
         raise StudyError(f"{case.name} has no other machine connected with it; an equivalent needs at least two.")
     Y, E, H = reduced_network(case)
+    faulted = reduced_network(case, int(net.machine_bus[first])).Y
     delta = np.angle(E / E[first])
     share = H[rest].sum() / H[rest | own].sum()
     weights = share * own - (1 - share) * rest  # the relative angle is driven by share Pa1 - (1 - share) Pa_rest
     coi = H[rest] @ delta[rest] / H[rest].sum()
 
-    def power(angle: float) -> float:
+    def power(angle: float, Y: np.ndarray = Y) -> float:
         """Electrical power of the relative motion, machine 1 ahead of the COI of the others by `angle`."""
         source = np.abs(E) * np.exp(1j * np.where(own, coi + angle, delta))
         return float(weights @ (source * (Y @ source).conj()).real)
@@ -142,19 +146,20 @@ def equivalent(case: Case, machine: int) -> Equivalent:
             f"Machine {machine} of {case.name} has no synchronizing power with the other machines, so it has no "
             "equivalent; choose another machine."
         )
-    if driving <= 0:
-        raise StudyError(
-            f"Machine {machine} of {case.name} slows down against the others when no power flows between them, so it "
-            "has no equivalent; choose another machine."
-        )
+    Pfault = power(start, faulted) - constant
+    for Pa, when in ((driving, "when no power flows between them"), (driving - Pfault, "in a fault at its bus")):
+        if Pa <= 0:
+            raise StudyError(
+                f"Machine {machine} of {case.name} slows down against the others {when}, so it has no equivalent; "
+                "choose another machine."
+            )
     if np.cos(start - gamma) <= 0:
         raise StudyError(
             f"Machine {machine} of {case.name} operates beyond the peak of its power-angle curve, so it has no "
             "equivalent; choose another machine."
         )
-    return Equivalent(
-        float(H[first]), float(H[rest].sum()), X=1 / Pmax, Pm1=driving, base=case.base_mva, fb=case.frequency_hz
-    )
+    H1, HCOI = float(H[first]), float(H[rest].sum())
+    return Equivalent(H1, HCOI, 1.0, 1.0, 1 / Pmax, driving, case.base_mva, None, case.frequency_hz, Pfault)
 
 
 class ReducedNetwork(NamedTuple):
@@ -165,8 +170,11 @@ class ReducedNetwork(NamedTuple):
     H: np.ndarray  # (machines) s   inertia constant
 
 
-def reduced_network(case: Case) -> ReducedNetwork:
-    """The network of a case at its power flow, reduced to the internal voltages of its machines (Kron reduction)."""
+def reduced_network(case: Case, fault: int | None = None) -> ReducedNetwork:
+    """The network of a case at its power flow, reduced to the internal voltages of its machines (Kron reduction).
+
+    With a bolted fault at the bus in row `fault`, if given.
+    """
     case = case.classical()
     flow, net = powerflow.solve(case), network.build(case)
     rows = [case.devices["gencls"][m.machine] for m in case.machines]
@@ -180,4 +188,7 @@ def reduced_network(case: Case) -> ReducedNetwork:
     sources = np.zeros((n, len(y)), complex)
     sources[at, np.arange(len(y))] = y
     buses = network.admittance(net).toarray() + np.diag(shunt)
-    return ReducedNetwork(np.diag(y) - sources.T @ np.linalg.solve(buses, sources), E, base * [p.H for p in rows])
+    live = np.arange(n) != fault
+    sources = sources[live]
+    Y = np.diag(y) - sources.T @ np.linalg.solve(buses[np.ix_(live, live)], sources)
+    return ReducedNetwork(Y, E, base * [p.H for p in rows])

@@ -337,10 +337,13 @@ def test_a_link_with_a_dead_terminal_is_blocked(ends, opened):
         branches=(*case.branches, Branch(2, 4, 0.001, 0.02)),
         links=(Link("a", *ends, 50.0, 0.0),),
     )
-    ran = run(operating_point.solve(case), [Open(opened, 0.1)], 0.2)
+    point = operating_point.solve(case)
+    ran = run(point, [Open(opened, 0.1)], 0.2)
     P = ran.arrays.P[-1].sum()
     V = abs(ran.arrays.V[-1, 1]) / abs(ran.point.V[1])
     assert P == pytest.approx(200.0 * V**2, abs=1.0)  # MW; losses 0.45 and 0.43
+    faulted = stage(point, Switching(faults=((point.case.row_of_bus[4], 1e7 + 0j),)))
+    assert faulted.constants == ()  # in a fault at one converter, the other goes on
 
 
 @pytest.mark.parametrize("fault_at", [None, 0.0, 0.4, 1.0])

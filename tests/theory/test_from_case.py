@@ -13,9 +13,10 @@ from stabctl.controllers import BangBang, Feedback
 from stabctl.dynamics import operating_point
 from stabctl.model import fleet
 from stabctl.model.case import Case
-from stabctl.model.tables import Branch, Bus, Machine
+from stabctl.model.tables import Branch, Bus, Load, Machine
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulation import run
+from stabctl.theory.omib import during_fault
 from stabctl.theory.two_machine import Equivalent, equivalent
 
 
@@ -46,6 +47,41 @@ def test_its_critical_time_is_that_of_the_simulation(two):
     exact = equivalent(two, 1).critical().cycles
     fault = clearing_time(two, "1", resolution="0.015625cyc", limit="30cyc", step=1 / 480)
     assert fault.cycles <= exact < fault.cycles + 1 / 64 + 0.01
+
+
+@pytest.fixture(scope="module")
+def loaded(two):
+    """Machine 1 sends 150 MW through lines with losses; a load of 120 MW between, machines with resistance."""
+    buses = (Bus(1, "pv", 1.02), Bus(2, "pq", 1.0), Bus(3, "swing", 1.0))
+    branches = (Branch(1, 2, 0.01, 0.1), Branch(2, 3, 0.03, 0.2, b=0.1), Branch(2, 3, 0.03, 0.2, b=0.1))
+    machines = (Machine(1, 1, 200, 150, 1), Machine(2, 3, 800, 0, 3))
+    rows = {
+        1: gencls.Par(mva=0, wb=0, H=3.0, D=0, ra=0.01, x1d=0.3),
+        2: gencls.Par(mva=0, wb=0, H=5.0, D=0, ra=0.005, x1d=0.2),
+    }
+    return Case("loaded", buses, branches, machines, {"gencls": rows}, loads=(Load(2, 120, 40),))
+
+
+def test_loads_and_losses_of_the_faulted_network_count(loaded):
+    """Exact for two machines: in the fault, machine 1 supplies its resistance alone, and machine 2 the load."""
+    pair = equivalent(loaded, 1)
+    fault = clearing_time(loaded, "1", resolution="0.015625cyc", scan="0s", step=1 / 480)
+    assert fault.cycles <= pair.critical().cycles < fault.cycles + 1 / 64 + 0.01
+
+
+@pytest.mark.parametrize(("name", "machine"), [("two_area", 1), ("two_area", 2), ("wscc9", 3), ("ieee39", 9)])
+def test_the_fault_accelerates_the_machine_as_in_a_simulation(name, machine):
+    """The first 2 ms of a fault at its bus, with classical machines and loads as constant impedances."""
+    case = io.load(name).classical().with_loads("impedance")
+    pair, point = equivalent(case, machine), operating_point.solve(case)
+    own = case.machines.index(case.machine(machine))
+    run_ = run(point, Contingency(str(case.machines[own].bus), 0.002), until=1.004, step=0.001)
+    H = np.array([case.devices["gencls"][m.machine].H * m.base for m in case.machines])
+    others = np.arange(len(H)) != own
+    speed = run_.arrays.speed[run_.time < 1.002 + 1e-9][-1]
+    gained = speed[own] - H[others] @ speed[others] / H[others].sum()
+    expected = during_fault(pair.omib, 0.002)[1]
+    assert 2 * np.pi * case.frequency_hz * gained == pytest.approx(expected, rel=1e-4)
 
 
 def test_machines_of_another_island_do_not_count(two):

@@ -192,6 +192,26 @@ def test_infeasible_is_an_outcome():
     assert "before the unstable equilibrium at 2.6180 rad" in str(found)
 
 
+def test_beyond_the_unstable_equilibrium_no_power_is_blamed():
+    p = PAIR.minimum_time_problem(12, -900, 900)
+    assert str(by_shooting(p)).endswith("2.6180 rad: the angle at clearing, 2.7227 rad, is already beyond it.")
+    assert str(by_shooting(p.mirrored())).endswith(
+        "-2.6180 rad: the angle at clearing, -2.7227 rad, is already beyond it."
+    )
+
+
+@pytest.mark.parametrize(("cycles", "low", "high"), [(3, -0.3, -0.1), (1, -0.3, -0.1), (2, -0.5, -0.2)])
+def test_a_device_that_can_only_inject(cycles, low, high):
+    """It stops the machine only where the network decelerates more than the device accelerates."""
+    p = PAIR.minimum_time_problem(cycles, low, high)
+    found, other = by_shooting(p), by_collocation(p)
+    assert found.duration == pytest.approx(other.duration, rel=1e-8)
+    assert len(found.switches) == len(other.switches)
+    assert p.acceleration(found.x1[-1], high) < 0
+    for at in (*np.linspace(0, 0.9, 7) * found.duration, *found.switches):
+        assert found.duration <= time_with_one_switch(p, at) * (1 + 1e-8)
+
+
 def test_feasible_up_to_the_critical_clearing_time():
     edge = PAIR.critical(0.5).cycles
     assert by_shooting(PAIR.minimum_time_problem(edge * (1 - 1e-6))).feasible

@@ -23,7 +23,8 @@ def machines(draw, faults=False):
     Xpost = draw(st.none() | st.floats(X, X * (1 + 0.5 * (1 - share))))
     Pm = share / max(X, Xpost or X)
     Xfault = draw(st.none() | st.floats(2, 10).map(lambda k: k * X / share)) if faults else None
-    return OMIB(H, Pm, X, Xpost=Xpost, Xfault=Xfault)
+    Pfault = draw(st.just(0.0) | st.floats(-2, 0.3).map(lambda k: k * Pm)) if faults else 0.0
+    return OMIB(H, Pm, X, Xpost=Xpost, Xfault=Xfault, Pfault=Pfault)
 
 
 @given(machines(faults=True), st.floats(0, 1))
@@ -98,7 +99,7 @@ def test_bolted_fault_in_closed_form_is_the_simulation(t):
 
 
 def test_partial_fault_agrees_with_its_simulation():
-    m = OMIB(Xfault=3.0)
+    m = OMIB(Xfault=3.0, Pfault=-0.2)
     run = swing_curve(m, 0.2, until=0.3)
     i = np.flatnonzero(run.t == 0.2)[0]
     assert abs(np.subtract((run.angle[i], run.speed[i]), during_fault(m, 0.2))).max() < 1e-10  # 1e-12
@@ -165,6 +166,7 @@ def test_the_paper_s_three_faults():
         ({"Pm": math.inf}, "Pm = inf pu"),
         ({"Pm": 2.0}, "before the fault"),
         ({"Xpost": 2.0}, "after the fault"),
+        ({"Pfault": 0.5}, "nothing to accelerate"),
     ],
 )
 def test_impossible_machines_are_refused_in_one_sentence(wrong, says):

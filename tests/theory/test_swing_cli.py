@@ -22,7 +22,8 @@ def record(*words):
 
 
 def test_json_has_exactly_its_keys():
-    assert set(record("equal-area")) == {"critical_angle_rad", "critical_time_s", "critical_cycles"}
+    keys = {"critical_angle_rad", "critical_time_s", "critical_cycles"}
+    assert set(record("equal-area")) == keys | {"clearing_angle_rad", "unstable_angle_rad", "a1_pu_rad", "a2_pu_rad"}
     keys = {"duration_s", "lambda1_start", "lambda2_start", "angle_end_rad", "switches"}
     found = record("minimum-time")
     assert set(found) == keys
@@ -40,6 +41,9 @@ def test_json_has_exactly_its_keys():
 def test_options_reach_the_model():
     assert record("equal-area", "--H", "12")["critical_time_s"] == pytest.approx(2 * 0.2437528, rel=1e-6)
     assert record("equal-area", "--Pc", "0.2")["critical_time_s"] > 0.2438
+    shown = record("equal-area", "--cycles", "12", "--Pc", "0.2")
+    assert shown["clearing_angle_rad"] == pytest.approx(record("table1", "--cycles", "12")["rows"][0]["angle_rad"])
+    assert shown["a1_pu_rad"] < shown["a2_pu_rad"] or shown["a1_pu_rad"] == pytest.approx(shown["a2_pu_rad"])
     assert record("minimum-time", "--Pc", "1")["duration_s"] < 0.0566
     assert [r["cycles"] for r in record("table1", "--cycles", "3")["rows"]] == [3]
     assert not record("feedback", "--Kv", "0", "--Ka", "0")["laws"][1]["stable"]

@@ -4,7 +4,7 @@ rectifier bus -> P -> [dc line, losses] -> P - loss -> inverter bus
 
 Both terminals have unity power factor and carry the scheduled power at their power-flow voltages. The power is
 proportional to the voltage; below vlow a terminal is a constant admittance. Converter controls (Kundur, Power System
-Stability and Control, ch. 10) are not represented.
+Stability and Control, ch. 10) are not represented: in a fault at one converter, the current of the other goes on.
 """
 
 from typing import Annotated, NamedTuple
@@ -25,7 +25,7 @@ class Par(NamedTuple):
 
 
 def blocked(p: Par) -> Par:
-    """Constants of the link while a terminal has no voltage: no current at either."""
+    """Constants of the link while a terminal is in an island without a source: no current at either."""
     return p._replace(Prec=0.0, Pinv=0.0)
 
 

@@ -119,7 +119,8 @@ def plot_equal_area(area: EqualArea, *, title: str = "", ax: "Axes | None" = Non
     result = f"stops at {area.stop:.3f} rad" if area.stable else "loses synchronism"
     sizes = f"$A_1$ = {area.A1:.4f}, $A_2$ = {area.A2:.4f} pu rad: {result}"
     ax.set_title(f"{title}{sizes}", fontsize="medium", loc="left", pad=24)
-    ax.set(xlim=(0, area.angle[-1]), ylim=(0, 1.1 * max(lifted.max(), area.Pm)), xlabel=ANGLE, ylabel="power (pu)")
+    low, top = min(0, area.Pe_fault.min()), max(lifted.max(), area.Pm)
+    ax.set(xlim=(0, area.angle[-1]), ylim=(1.1 * low, 1.1 * top), xlabel=ANGLE, ylabel="power (pu)")
     legend: Any = {
         "loc": "lower left",
         "bbox_to_anchor": (-0.02, 0.98),

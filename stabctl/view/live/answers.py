@@ -265,6 +265,7 @@ def equal_area_answer(case: Case, machine: int | None, cycles: float) -> dict[st
         "text": sizes,
         "Pm": m.Pm,
         "Pmax": m.Pmax_post,
+        "Pfault": m.Pfault,
         "marks": np.rad2deg(marks).tolist(),
         "unstable": math.degrees(m.unstable),
         "separatrix": _shown(edge.angle, edge.speed),

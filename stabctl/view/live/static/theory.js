@@ -64,9 +64,9 @@ const theory = {
       for (const canvas of [this.areas, this.plane]) fitted(canvas); // empty
       return;
     }
-    const { Pm, Pmax, marks, separatrix, curve, cleared, stable, unstable } = this.found;
+    const { Pm, Pmax, Pfault, marks, separatrix, curve, cleared, stable, unstable } = this.found;
     const angles = Array.from({ length: 181 }, (_, k) => k), p = this.first;
-    p.open([0, 180], [0, 1.12 * Math.max(Pmax, Pm)]);
+    p.open([0, 180], [1.12 * Math.min(0, Pfault), 1.12 * Math.max(Pmax, Pm)]);
     const fill = (from, to, low, high, color) => {
       const xs = Array.from({ length: 61 }, (_, k) => from + ((to - from) * k) / 60), c = p.c;
       c.beginPath();
@@ -78,11 +78,11 @@ const theory = {
       c.globalAlpha = 1;
     };
     const [start, clearing, stop] = marks, Pe = (x) => Pmax * Math.sin((x * Math.PI) / 180);
-    fill(start, clearing, () => 0, () => Pm, ink().b);
+    fill(start, clearing, () => Pfault, () => Pm, ink().b);
     fill(clearing, stop, () => Pm, Pe, ink().c);
     p.curve(angles, angles.map(Pe), ink().ink, 2);
     p.curve([0, 180], [Pm, Pm], ink().a);
-    for (const [name, from, to, y] of [["A1", start, clearing, Pm / 2], ["A2", clearing, stop, 1.02 * Pm]]) {
+    for (const [name, from, to, y] of [["A1", start, clearing, (Pfault + Pm) / 2], ["A2", clearing, stop, 1.02 * Pm]]) {
       if (p.x(to) - p.x(from) > 24) p.text(name, p.x((from + to) / 2), p.y(y) - (name === "A2" ? 10 : 0), "center");
     }
     p.text("Pm", p.x(5), p.y(Pm) - 9, "left");
