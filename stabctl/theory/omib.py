@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 # Values outside these ranges are probably mistyped and would take hours to integrate.
 INERTIA = Interval(ge=0.01, le=1e6)
 POWER = Interval(ge=1e-6, le=1e3)
-REACTANCE = Interval(ge=0.01, le=1e3)
+REACTANCE = Interval(ge=1e-4, le=1e3)
 VOLTAGE = Interval(ge=0.1, le=2.0)
 FREQUENCY = Interval(ge=1.0, le=1e3)
 LONGEST = 60.0  # s   longest fault
