@@ -191,7 +191,7 @@ OF_FILES = {
 OPEN = Switching(faults=((4, 5 + 9j),))
 OF_DEVICES = {
     "stages": 2, "gain": 5.0, "fast": 20.0, "washout": (5.0, 6.0), "lead": (0.02, 0.05), "lag": (0.1, 0.5),
-    "limits": Given(0.05, says=True), "noise": Instead(1e-5, 1e-4, reserve=0.9),
+    "limits": Given(0.05, says=True), "noise": Instead(1e-5, 1e-4, reserve=0.9, limits=0.1),
 }  # fmt: skip
 BARS = {"most": 1}
 JUMP = {"bad": (st.BadPmu(2, 1.0, jump=0.3),)}
@@ -317,7 +317,7 @@ def table():
                 "costs": st.Costs(mw=2.0),
                 "sites": Given(1, candidates=[(1, 5), (3, 11)]),
                 "candidates": [(3, 11)],
-                "outages": Given(True, refused="within the caps"),
+                "outages": True,
                 "tolerance": 0.2,
                 "control": st.StorageLaw((), 2.0),
                 "device": {"lag": "50ms"},
@@ -325,7 +325,7 @@ def table():
                 "longest": "8s",
                 "step": "5ms",
                 "criterion": st.Criterion(max_angle=1.5),
-                "criteria": "strict.toml",
+                "criteria": Given("strict.toml", refused="within the caps"),
                 "validate": "ideal",
             },
         ),
@@ -581,7 +581,7 @@ def table():
                 "noise_filter": 0.05,
                 "limits": 0.05,
                 "sensitivity": 1.2,
-                "starts": Given(3, damping=None),
+                "starts": Given(5, damping=None),
                 "seed": Given(1, starts=3),
             },
         ),
@@ -623,12 +623,8 @@ def table():
                 "reset": (1.0, 2.0),
                 "delay": 0.05,
                 "limits": Given(0.05, says=True),
-                "noise": Instead(1e-5, 1e-4, reserve=0.9),
+                "noise": Instead(1e-5, 1e-4, reserve=0.9, limits=0.1),
             },
-        ),
-        "values": (
-            lambda **g: tuned([design.values("sexs.KA", **g)], damping=None),
-            {"within": (0.9, 1.1), "together": True},
         ),
         "law": (
             lawful,
@@ -680,7 +676,7 @@ def table():
                 "rate": 30,
                 "energy": 0.001,
                 "resolution": "1cyc",
-                "limit": "4cyc",
+                "limit": Given("4cyc", refused="up to the limit"),
                 "observe": "1.5s",
                 "longest": "1s",
                 "step": "5ms",
@@ -834,7 +830,7 @@ MADE = {  # by functions, or from files
 }  # fmt: skip
 SLOW = {
     *("law", "LawLimits", "LawDesign.report", "Design.report", "evidence", "optimum", "tune", "pss", "lqg", "margins"),
-    *("stabilizers", "damper", "pi", "values", "place", "SiteOption", "Costs", "Siting.report", "Siting.storage"),
+    *("stabilizers", "damper", "pi", "place", "SiteOption", "Costs", "Siting.report", "Siting.storage"),
     *("Prices", "run_sweep", "Screen.report", "EstimatorControl", "ProcessNoise", "BadPmu", "Pmu"),
 }
 ELSEWHERE = {  # tested there
@@ -842,6 +838,8 @@ ELSEWHERE = {  # tested there
     ("verify", "download_missing"): "tests/verification",
     ("run_sweep", "retry"): "tests/sweep",
     ("Prices", "stabilizer"): "tests/assessment",
+    ("values", "within"): "tests/design",
+    ("values", "together"): "tests/design",
 }
 SAME = {  # they do not change the result, and why
     "workers": "threads share the work",
