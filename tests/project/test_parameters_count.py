@@ -167,11 +167,6 @@ def some(**given):
     return design.stabilizers(**{"machines": [1, 3], "stages": 1, "gain": 10, "fast": 100} | given)
 
 
-def lawful(**given):
-    limits = {"limits": design.LawLimits(return_within=0), "limit": "20cyc", "resolution": "4cyc", "workers": 1}
-    return design.law(wscc(), **{"contingencies": ["7"], "storage": "20MW", **SHORT} | limits | given)
-
-
 SEARCH = {
     "storage": "40MW", "control": Given(None, resolution="0.125cyc"), "resolution": "1cyc", "limit": "4cyc",
     "observe": "1.5s", "longest": Given("1s", limit="12cyc"), "scan": 6, "step": "5ms",
@@ -626,36 +621,6 @@ def table():
                 "noise": Instead(1e-5, 1e-4, reserve=0.9, limits=0.1),
             },
         ),
-        "law": (
-            lawful,
-            {
-                "storage": "40MW",
-                "limits": design.LawLimits(return_within=0, energy=1.0),
-                "rate": 30,
-                "delay": Given(0.1, rate=30),
-                "training": Given(0.9, contingencies=["5", "7", "9"]),
-                "seed": Given(2, contingencies=["5", "7", "9"]),
-                "resolution": "2cyc",
-                "limit": "4cyc",
-                "observe": "1.5s",
-                "longest": "1s",
-                "scan": 6,
-                "step": "5ms",
-                "criterion": st.Criterion(max_angle=1.0),
-            },
-        ),
-        "LawLimits": (
-            lambda **g: lawful(limits=design.LawLimits(**{"return_within": 0} | g)),
-            {
-                "energy": 1.0,
-                "switchings": 1,
-                "coi": 0.1,
-                "voltage": 0.99,
-                "min_voltage": 0.7,
-                "deadband": 0.2,
-                "return_within": 10.0,
-            },
-        ),
         "optimum": (
             lambda **g: design.optimum(
                 wscc(),
@@ -751,7 +716,6 @@ def table():
         "Siting.report": (lambda **g: page(sited(), **g), {"base": area(), "name": "mine"}),
         "Siting.storage": (lambda **g: sited().storage(**g), {"options": {"lag": 0.1}}),
         "Design.report": (lambda **g: page(damped(), **g), {"checks": ["7-8"]}),
-        "LawDesign.report": (lambda **g: page(lawful(), **g), {"name": "mine"}),
         **{
             f"OperatingPoint.{name}": (lambda name=name, **g: getattr(wscc(), name)(**g), {"switching": OPEN})
             for name in ("admittance", "admittances", "real_admittance")
@@ -823,13 +787,14 @@ below = 0.98
 recover = "0.1s"
 buses = "loads"
 """
+LONG = {"law", "LawLimits", "LawDesign.report"}  # 3 s a call and more: tests/design
 MADE = {  # by functions, or from files
     "Case", "ClosedLoop", "Criteria", "DelayedModes", "Design", "Estimates", "ImportReport", "Judged", "Margins",
     "Modes", "OperatingPoint", "Regulator", "Remedy", "Siting", "Study", "Trajectory", "Tuned", "Verification",
     "Design.of", "Regulator.of_cost",
 }  # fmt: skip
 SLOW = {
-    *("law", "LawLimits", "LawDesign.report", "Design.report", "evidence", "optimum", "tune", "pss", "lqg", "margins"),
+    *("Design.report", "evidence", "optimum", "tune", "pss", "lqg", "margins"),
     *("stabilizers", "damper", "pi", "place", "SiteOption", "Costs", "Siting.report", "Siting.storage"),
     *("Prices", "run_sweep", "Screen.report", "EstimatorControl", "ProcessNoise", "BadPmu", "Pmu"),
 }
@@ -876,7 +841,7 @@ def files(monkeypatch, tmp_path):
 
 def every():
     for name, one in reference().items():
-        for p, of in parameters(one).items() if name not in MADE else ():
+        for p, of in parameters(one).items() if name not in MADE | LONG else ():
             optional = of.default is not of.empty or of.kind in (of.VAR_POSITIONAL, of.VAR_KEYWORD)
             if optional and p not in SAME and (name, p) not in ELSEWHERE:
                 slow = [pytest.mark.slow] * (name in SLOW)
