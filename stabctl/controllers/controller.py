@@ -138,6 +138,10 @@ class Controller:
                 raise StudyError(f"{self.name}: {key} = {shown(value)} is not allowed; give a number of at least 0.")
         if self.relay and not (math.isfinite(low) and math.isfinite(high) and low < high):
             raise StudyError(f"{self.name}: a relay switches between its limits; give finite ones, such as limits=0.1.")
+        if self.start and self.law is None:
+            raise StudyError(f"{self.name}: start gives the states of a Python function; matrices start at rest.")
+        if self.tracking is not None and not np.size(self.A):
+            raise StudyError(f"{self.name}: tracking keeps states of matrices from winding up, and there are none.")
         if self.ramp and rate is None:
             raise StudyError(f"{self.name}: a ramp limit needs a sampled controller; give a rate, such as rate=60.")
 

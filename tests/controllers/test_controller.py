@@ -291,6 +291,8 @@ def test_inputs_of_a_tripped_machine_count_as_at_rest(base, kind):
         (lambda: st.Gate("voltage:7"), "always open; give low or high"),
         (lambda: st.Controller.from_function(with_state, "speed:1", "vs:1"), r"with states, give start=\[0.0\]"),
         (lambda: st.Controller.from_function(lambda seen: 0, "speed:1", "vs:1", start=[0.0]), "takes no states"),
+        (lambda: st.Controller("speed:1", "vs:1", [], [], [], [[1]], start=(1.0,)), "states of a Python function"),
+        (lambda: st.Controller("speed:1", "vs:1", [], [], [], [[1]], tracking=0.1), "there are none"),
     ],
 )
 def test_mistakes_in_a_controller(make, says):
