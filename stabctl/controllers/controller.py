@@ -229,7 +229,7 @@ class Controller:
         law : callable
             `law(seen)` returns the outputs, one number for all or one for each; `seen` is a `Seen`. With states,
             `law(seen, x)` returns the outputs and the states at the next frame. A class is instantiated for every
-            run, and the instance is called.
+            run, and the instance is called; it has no linear model.
         inputs, outputs : str or sequence of str
             Names of the signals.
         rate : int, 1/s

@@ -67,12 +67,6 @@ def checked_law(law: Any, states: bool) -> Callable[..., Any]:
     return law
 
 
-def at_start(law: Callable[..., Any]) -> Callable[..., Any]:
-    """The law as at the start of a run: a new instance if it is a class."""
-    new: Callable[..., Any] = law() if isinstance(law, type) else law
-    return new
-
-
 def answer(
     law: Callable[..., Any], seen: Seen, x: np.ndarray, outputs: int, name: str
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -99,10 +93,15 @@ def slopes(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Matrices A, B, C, D of a law at the operating point.
 
-    A slope is that of a complex step, where central differences agree with it; otherwise, as where the law drops the
-    imaginary part, it is that of central differences. Raises `StudyError` if the law does not rest there: outputs 0 and
-    states unchanged.
+    A slope is that of a complex step, where differences agree with it; otherwise, as where the law drops the imaginary
+    part, it is that of differences. Raises `StudyError` if the law is a class, does not rest there (outputs 0 and
+    states unchanged), or has no slope: differences on both sides, with two steps, do not agree.
     """
+    if isinstance(law, type):
+        raise StudyError(
+            f"{name} is a class, so it has no linear model, which does not see what its instances remember; write it "
+            "as a function of its states, law(seen, x), with start=[0.0], or as matrices."
+        )
     x0, n, m = np.array(start, float), len(start), len(names)
 
     def ask(z: np.ndarray) -> np.ndarray:
@@ -115,7 +114,15 @@ def slopes(
             f"The law {name} is not in steady state at the operating point: it returns {shown(still.tolist())} for "
             "deviations of 0; it must return 0 and leave its states unchanged there."
         )
-    J = np.array([(ask(1e-6 * e) - ask(-1e-6 * e)) / 2e-6 for e in np.eye(n + m)])
+    above, below = (
+        np.array([4 * ask(h / 2 * e) - ask(h * e) - 3 * still for e in np.eye(n + m)]) / h for h in (1e-6, -5e-7)
+    )
+    J = (above + below) / 2
+    if not np.allclose(above, below, 1e-3, 1e-6 * np.abs(J).max(initial=0.0)):
+        raise StudyError(
+            f"The law {name} has no linear model: at the operating point it jumps or bends, or its answers depend on "
+            "earlier calls; simulate it."
+        )
     with suppress(TypeError, StudyError), catch_warnings(action="ignore", category=np.exceptions.ComplexWarning):
         exact = np.array([ask(1e-30j * e).imag / 1e-30 for e in np.eye(n + m)])
         J = np.where(np.isclose(exact, J, 1e-3, 1e-6 * np.abs(J).max(initial=0.0)), exact, J)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .controller import PADE, Controller
-from .python_law import at_start, slopes
+from .python_law import slopes
 
 
 class Matrices(NamedTuple):
@@ -32,7 +32,7 @@ def realized(c: Controller, names: tuple[str, ...], rest: np.ndarray, outputs: i
         Number of outputs.
     """
     if c.law is not None:
-        return Matrices(*slopes(at_start(c.law), names, rest, c.start, outputs, c.name))
+        return Matrices(*slopes(c.law, names, rest, c.start, outputs, c.name))
     own = Matrices(c.A, c.B, c.C, c.D)
     return own if c.rate or not c.delay else _after(own, pade(c.delay, outputs))
 

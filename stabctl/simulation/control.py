@@ -13,7 +13,7 @@ import numpy as np
 from stabctl._util.errors import StudyError, shown
 from stabctl.controllers import Law
 from stabctl.controllers.controller import Controller
-from stabctl.controllers.python_law import Seen, answer, at_start
+from stabctl.controllers.python_law import Seen, answer
 from stabctl.model.case import Case
 
 from .attached import Called
@@ -192,8 +192,9 @@ class Frames:
 
     def _rest(self) -> None:
         """States, and an instance of a class, as at the start, and nothing on its way."""
-        assert self._what.law is not None
-        self._law = at_start(self._what.law)
+        law = self._what.law
+        assert law is not None
+        self._law: Callable[..., Any] = law() if isinstance(law, type) else law
         self._x = np.array(self._what.start, float)
         self._late = [np.zeros(self._called.held.stop - self._called.held.start)] * self._what.frames
 

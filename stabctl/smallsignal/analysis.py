@@ -156,11 +156,16 @@ class Selected(Modes):
         currents = d.gx @ self.right
         return d.hx @ self.right - d.hv @ (factors.solve(currents.real) + 1j * factors.solve(currents.imag))
 
-    def __str__(self) -> str:
+    @property
+    def asked(self) -> str:
+        """The band and the damping ratios, in words."""
         (slow, fast), (low, high) = self.band or (0.0, np.inf), self.damping
-        asked = f"{slow:g} to {fast:g} Hz with damping ratios from {low:g} to {high:g}"
+        return f"from {slow:g} to {fast:g} Hz with damping ratios from {low:g} to {high:g}"
+
+    def __str__(self) -> str:
         whole = super().__str__().partition(": ")[2].replace("eigenvalue", "mode", 1)
-        return f"{self.linear.name}, {len(self.linear.states)} states, only modes from {asked}: {whole} {self.proof()}."
+        states = f"{len(self.linear.states)} states"
+        return f"{self.linear.name}, {states}, only modes {self.asked}: {whole} {self.proof()}."
 
     def proof(self) -> str:
         """What is certified, or where modes are missing."""

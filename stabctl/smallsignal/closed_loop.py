@@ -185,7 +185,7 @@ def closed_loop(
     Raises
     ------
     LinearizationError, StudyError
-        As `linearize`; also if a controller reads or drives what the case does not have.
+        As `linearize`; also if a controller reads or drives what the case does not have, or a law has no linear model.
 
     Examples
     --------

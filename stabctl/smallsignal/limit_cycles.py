@@ -199,7 +199,8 @@ def limit_cycles(
     Raises
     ------
     StudyError
-        If no controller is nonlinear, rates differ, limits differ in the two directions, or an output has a ramp limit.
+        If no controller is nonlinear, one is a Python function, rates differ, limits differ in the two directions, or
+        an output has a ramp limit.
 
     Examples
     --------

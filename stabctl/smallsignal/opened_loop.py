@@ -113,6 +113,11 @@ LINEAR = Nonlinearity(0.0, np.inf, relay=False)
 def nonlinearity(c: Named) -> Nonlinearity:
     """What acts on the outputs of a controller. Raises `StudyError` if it has no describing function of one input."""
     what, (low, high) = c.controller, c.limits
+    if what.law:
+        raise StudyError(
+            f"{what.name} is a Python function, whose describing function is not known; give a controller with "
+            "matrices, and deadband, limits or relay as its fields, or simulate it."
+        )
     if what.ramp:
         raise StudyError(
             f"{what.name} has a ramp limit, for which there is no describing function here; simulate it, or set ramp "

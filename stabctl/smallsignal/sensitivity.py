@@ -20,6 +20,7 @@ from stabctl.model import edit, naming
 from stabctl.model.case import Case
 
 from ._parameter_slopes import ParameterSlopes
+from .analysis import Selected
 from .closed_loop import ClosedLoop
 from .descriptor import Descriptor, descriptor
 from .modes import Mode, Modes
@@ -118,10 +119,12 @@ class Sensitivity(Tabular):
     def __str__(self) -> str:
         m = self.mode
         text = f"{self.name}: {counted(len(self.rows), 'parameter')} of the mode {m.frequency_hz:.3f} Hz ({m.label})"
-        first = [f"{row.path} {row.damping_ratio:+.2g}" for row in self.rows if row.value][:SHOWN]
-        text += f"; largest changes of its damping ratio, {m.damping_ratio:z.4f}: {', '.join(first)} per 1 %" * bool(
-            first
-        )
+        real = [row for row in self.rows if abs(row.damping_ratio) > NOISE]
+        first = [f"{row.path} {row.damping_ratio:+.2g}" for row in real if bool(row.value) == bool(real[0].value)]
+        text += f"; {'largest changes of' if real else 'none changes'} its damping ratio, {m.damping_ratio:z.4f}"
+        if real:
+            step = "1 %" if real[0].value else "0.01 of their unit, as they are 0"
+            text += f": {', '.join(first[:SHOWN])} per {step}"
         left = listed([f"{one.path} ({one.reason})" for one in self.left_out], SHOWN)
         return f"{text}; left out: {left}." if left else f"{text}."
 
@@ -185,9 +188,10 @@ def index(modes: Modes, mode: Any) -> int:
     """Index of the mode, which must be simple and not zero."""
     if mode is None:
         if not modes.swings():
+            where = f" {modes.asked}; search a wider band, or" if isinstance(modes, Selected) else ";"
             raise StudyError(
-                f"{modes.linear.point.case.name} has no electromechanical mode; choose one with mode=, a frequency "
-                "such as '5Hz' or the index of an eigenvalue."
+                f"{modes.linear.point.case.name} has no electromechanical mode{where} choose another mode in Python "
+                "with mode=, a frequency such as '5Hz' or the index of an eigenvalue."
             )
         k = modes.least_damped()[-1]
     elif isinstance(mode, Integral) and not isinstance(mode, bool):

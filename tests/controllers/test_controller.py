@@ -1,5 +1,7 @@
 """Controllers in the simulation: limits, deadband, delay, ramp, gate, anti-windup, and what is refused."""
 
+from contextlib import nullcontext
+
 import control
 import numpy as np
 import pytest
@@ -207,22 +209,52 @@ def test_while_its_gate_is_closed_a_function_rests(base):
     assert np.abs(order(run)[~late]).max() > 0.01
 
 
-def test_a_class_is_a_law_in_linear_models_too(base):
-    class Law:
-        def __init__(self):
-            self.gain = 30.0
+class Lagged:
+    """A first-order lag, 0.5 s at 60 frames per second."""
 
-        def __call__(self, seen):
-            return self.gain * seen["deviation:1"]
+    def __init__(self):
+        self.y = 0.0
 
-    options = {"rate": 60, "delay": "50ms"}
-    one = st.Controller.from_function(Law, "deviation:1", "order:1@5", **options)
-    two = st.Controller.from_function(lambda seen: 30.0 * seen["deviation:1"], "deviation:1", "order:1@5", **options)
-    weak = st.Controller.from_function(lambda seen: 3.0 * seen["deviation:1"], "deviation:1", "order:1@5", **options)
-    a, b, none = (base.closed_loop(c).modes() for c in (one, two, weak))
-    assert np.array_equal(a.eigenvalues, b.eigenvalues)
-    least = [float(m.damping_ratio[m.electromechanical].min()) for m in (a, none)]
-    assert abs(least[0] - least[1]) > 1e-4
+    def __call__(self, seen):
+        self.y += (seen["deviation:1"] - self.y) / 30
+        return 30.0 * self.y
+
+
+def test_the_states_of_a_law_are_those_of_its_linear_model_or_it_has_none(base):
+    """A law of seen and x has the modes of its matrices; what an object remembers is not in view."""
+    K, F = 30.0, 29 / 30
+    matrices = st.Controller("deviation:1", "order:1@5", [[F]], [[1 / 30]], [[K * F]], [[K / 30]], rate=60)
+
+    def law(seen, x):
+        x = F * x + seen["deviation:1"] / 30
+        return K * x, x
+
+    named = {"inputs": "deviation:1", "outputs": "order:1@5", "rate": 60}
+    function = st.Controller.from_function(law, start=[0.0], **named)
+    a, b = (base.closed_loop(c).modes().eigenvalues for c in (function, matrices))
+    assert np.abs(a - b).max() < 1e-6
+    for unseen, says in ((Lagged, "is a class, so it has no linear model"), (Lagged(), "depend on earlier calls")):
+        with pytest.raises(StudyError, match=says):
+            base.closed_loop(st.Controller.from_function(unseen, **named))
+
+
+@pytest.mark.parametrize(
+    ("law", "smooth"),
+    [
+        (np.sign, False),
+        (np.abs, False),
+        (lambda w: w > 0, False),
+        (lambda w: np.maximum(w, 2 * w), False),
+        (lambda w: np.sign(w) * (np.abs(w) > 2e-5), True),
+        (lambda w: np.tanh(1e3 * w), True),
+        (lambda w: 20 * w + 1e5 * w**2, True),
+        (np.square, True),
+    ],
+)
+def test_a_law_that_jumps_or_bends_at_the_operating_point_has_no_linear_model(base, law, smooth):
+    one = st.Controller.from_function(lambda seen: law(np.real(seen["deviation:1"])), "deviation:1", "order:1@5")
+    with nullcontext() if smooth else pytest.raises(StudyError, match="it jumps or bends"):
+        base.closed_loop(one)
 
 
 def test_while_its_gate_is_closed_an_instance_of_a_class_is_new(base):

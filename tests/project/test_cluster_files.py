@@ -27,6 +27,17 @@ def test_the_jobs_of_slurm_start_workers():
     assert "--nworkers 16 " in command
 
 
+@pytest.mark.parametrize("page", ["cluster.md", "sweeps.md"])
+def test_the_workers_of_the_pages_have_one_thread_each(page):
+    """Dask replaces the threads asked for if it is to choose the number of processes."""
+    worker = pytest.importorskip("distributed.cli.dask_worker").main
+    lines = (FOLDER.parents[1] / page).read_text("utf-8").splitlines()
+    (line,) = (line for line in lines if line.startswith("dask worker "))
+    given = worker.make_context("worker", line.partition("#")[0].split()[2:], resilient_parsing=True).params
+    assert given["nthreads"] == 1
+    assert int(given["n_workers"]) == -1  # one process per core; "auto" is no number
+
+
 @pytest.fixture(scope="module")
 def objects():
     yaml = pytest.importorskip("yaml", reason="comes with Dask: pip install 'stabctl[cluster]'")

@@ -226,6 +226,19 @@ def test_what_has_no_describing_function_here_is_refused(cases, options, says):
         base.limit_cycles(st.Controller.from_control(LAG, "speed:1", "vs:1", **options))
 
 
+def test_a_python_function_has_no_describing_function(cases):
+    """Neither a relay in Python, nor a function next to a relay: what acts in it is not known."""
+    base = cases("two_area").initialize(storage="100MW")
+    relay = CYCLES["relay 1.2 mHz, 200 ms"].controller(base)
+    own = st.Controller.from_function(
+        lambda seen: np.sign(seen["deviation:1"]) * (abs(seen["deviation:1"]) > 2e-5), relay.inputs, relay.outputs,
+        limits=1, delay="200ms", name="own",
+    )  # fmt: skip
+    for loop in ((own,), (relay, own)):
+        with pytest.raises(StudyError, match="own is a Python function, whose describing function is not known"):
+            base.limit_cycles(*loop)
+
+
 def test_a_linear_loop_has_no_limit_cycles(cases):
     base = cases("two_area").initialize()
     with pytest.raises(StudyError, match="the loop is linear"):

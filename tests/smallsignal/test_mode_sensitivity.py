@@ -136,6 +136,20 @@ def test_the_modes_of_a_band(point):
         assert row.real == pytest.approx(every[row.path].real, rel=1e-6, abs=1e-12)
 
 
+def test_a_band_without_electromechanical_modes_is_named(point):
+    with pytest.raises(StudyError, match=r"no electromechanical mode from 3 to 4 Hz .*; search a wider band"):
+        modes_of(point("two_area"), (3, 4), sparse=True).sensitivity()
+
+
+def test_changes_by_rounding_are_not_told():
+    """Without damping anywhere, only dampings, which are 0, change the damping ratio; no other parameter does."""
+    modes = modes_of(solve(st.load("two_area").classical()))
+    first = "largest changes of its damping ratio, 0.0000: gencls.3.D +4.6e-05, gencls.4.D +3.4e-05, gencls.1.D"
+    assert first in str(modes.sensitivity())
+    assert "per 0.01 of their unit, as they are 0." in str(modes.sensitivity())
+    assert str(modes.sensitivity("gencls.H")).endswith("; none changes its damping ratio, 0.0000.")
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
