@@ -24,6 +24,7 @@ def prepare() -> None:
         "inertia": none,
         "weight": none,
         "judged": np.zeros(0, bool),
+        "other_weight": none,
         "low": none,
         "high": none,
         "watch_low": none,
