@@ -205,10 +205,12 @@ class Lines(AbstractContextManager["Lines"]):
         self.done, self.remark, self.said = 0.0, "", False
         self.first = self.began, 0.0  # instant and amount done then, after which the pace is measured
         self._ended = threading.Event()
-        threading.Thread(target=self._repeat, daemon=True).start()
+        self._thread = threading.Thread(target=self._repeat, daemon=True)
+        self._thread.start()
 
     def __exit__(self, *_: object) -> None:
         self._ended.set()
+        self._thread.join(1.0)  # a line may be half written
 
     def __call__(self, done: float | None, remark: str = "") -> None:
         """So much is done."""

@@ -96,7 +96,7 @@ class Device:
     loops: Equation = _equation("p", "LOOPS, where parameters decide what a loop holds")
     elsewhere: Equation = _equation("p", "largest eigenvalue away from the start: of a stopped motor, at limits, 1/s")
     stalled: Equation = _equation("x v p", "whether a motor has stalled")
-    blocked: Equation = _equation("p", "Par of a link while a terminal has no voltage")
+    blocked: Equation = _equation("p", "Par of a link while a terminal is in an island without a source")
     stepped: Equation = _equation("p power", "Par of a load that draws more power, complex, pu on the system base")
     from_case: Equation = _equation("*", "Par, from a row of loads.csv, storage.csv or links.csv")
     from_record: Equation = _equation("*", "Par and corrections, from the constants of a PSS/E record")
