@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from stabctl.model.case import Case
 
 
-BEGINS = "1s"  # of the fault
 AFTER = "times count from the fault. Repeatable."
 Open = Annotated[list[str] | None, Option("--open", help=f"Another line trip: 7-8@0.5s; {AFTER}")]
 TripMachine = Annotated[list[str] | None, Option("--trip-machine", help=f"Machine trip: 14@0.1s; {AFTER}")]
@@ -24,7 +23,7 @@ def clearing_time(
     *,
     fault: options.Fault,
     trip: options.TripAtClearing = None,
-    at: options.At = BEGINS,
+    at: options.At = options.BEGINS,
     opened: Open = None,
     tripped: TripMachine = None,
     stepped: LoadStep = None,
@@ -57,7 +56,7 @@ def clearing_time(
     through = shared.impedance(fault_impedance)
     point = storage.initialize(loaded)
     steering = pmu.steering(*law.chosen(bool(point.case.storage), control, shared.controllers(controller)), estimator)
-    if at != BEGINS and not acting(steering).timed:
+    if at != options.BEGINS and not acting(steering).timed:
         raise StudyError("--at needs a control with instants of its own, such as a gate with a start; leave it out.")
     with shared.progress("searching", None) as tell:
         found = clearing_time(

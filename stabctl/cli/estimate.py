@@ -24,7 +24,7 @@ def estimate(
     fault: options.Fault,
     clear: Clear,
     trip: options.Trip = None,
-    at: options.At = "1s",
+    at: options.At = options.BEGINS,
     observe: options.Observe = "5s",
     step: options.Step = None,
     controller: options.Controllers = None,

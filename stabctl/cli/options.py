@@ -149,6 +149,7 @@ TripAtClearing = Annotated[
     Option("--trip", callback=each, help="Line opened at clearing: 83-33, 7-8#2. Repeatable."),
 ]
 FaultImpedance = Annotated[str, Option("--fault-impedance", help="R,X of the fault, pu (0,0: bolted).")]
+BEGINS = "1s"  # of the fault
 At = Annotated[str, Option("--at", metavar="TIME", parser=time, help="Time of the fault, s or 60cyc.")]
 Open = Annotated[list[str] | None, Option("--open", help="Line trip without a fault: 7-8@1s. Repeatable.")]
 TripMachine = Annotated[list[str] | None, Option("--trip-machine", help="Machine trip: 14@2s. Repeatable.")]

@@ -40,7 +40,7 @@ def simulate(
     fault: FaultOrNone = None,
     clear: Clear = None,
     trip: options.Trip = None,
-    at: options.At = "1s",
+    at: options.At = options.BEGINS,
     until: Until = "10s",
     opened: options.Open = None,
     tripped: options.TripMachine = None,
@@ -74,7 +74,7 @@ def simulate(
         raise StudyError("--fault needs --clear; give a clearing time such as 6cyc.")
     if clear is not None and not (fault or trip):
         raise StudyError("--clear needs --fault or --trip; give a location such as 83 or 7-8@0.4.")
-    if at != "1s" and not (fault or trip):
+    if at != options.BEGINS and not (fault or trip):
         raise StudyError("--at needs --fault or --trip; other events have their own times.")
     shared.file(out, ".csv", ".nc")
     shared.file(plot, ".png", ".svg")

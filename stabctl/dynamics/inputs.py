@@ -132,16 +132,7 @@ def place(point: OperatingPoint, signal: Signal) -> int:
         row = naming.row(case, "storage", str(signal.place))
         at = int(getattr(storage.places(point.system, case), signal.kind)[row])
         if at < 0:
-            plant = "repc_RefFlag" in devices.every()[case.storage[row].device].Par._fields
-            flags, has, advice = "repc_RefFlag=1" if plant else "QFlag=1 VFlag=0", "has no", "set repc_RefFlag=1"
-            if signal.kind == "order_q":
-                has, advice = f"with {flags} follows its", "give order_v"
-            elif not plant:
-                advice = f"make it grid-forming, or grid-following with {flags}"
-            raise StudyError(
-                f"The storage device {signal.place} of {case.name} {has} voltage reference, so {signal.kind} has no "
-                f"effect on it; {advice}."
-            )
+            raise StudyError(_without_effect(point, signal, row))
         return at
     found: int | None
     if signal.kind in DRAWN:
@@ -156,6 +147,19 @@ def place(point: OperatingPoint, signal: Signal) -> int:
     if found is None:
         raise StudyError(f"{signal.label} of {case.name} is set by another device, so it is not an input.")
     return found
+
+
+def _without_effect(point: OperatingPoint, signal: Signal, row: int) -> str:
+    """Why an order of reactive power or voltage has no effect on a storage device, and what to do."""
+    plant = "repc_RefFlag" in devices.every()[point.case.storage[row].device].Par._fields
+    flags = "repc_RefFlag=1" if plant else "QFlag=1 VFlag=0"
+    has, advice = "has no", f"set {flags}" if plant else f"make it grid-forming, or grid-following with {flags}"
+    if signal.kind == "order_q":
+        has, advice = f"with {flags} follows its", "give order_v"
+    return (
+        f"The storage device {signal.place} of {point.case.name} {has} voltage reference, so {signal.kind} has no "
+        f"effect on it; {advice}."
+    )
 
 
 class Draw(NamedTuple):

@@ -36,12 +36,16 @@ def beyond_range(k, run, rules):
 
 
 @inline
-def time_outside(j, k, run, rules, h):
-    """The longest time that island k was outside the frequency range in a step; angle j, rotors first, counts it."""
+def after_speed(verdict, j, speed, k, run, rules, h):
+    """The verdict after the speed of angle j, rotors first, and the frequency of island k, -1: it is not judged."""
     off, now = run.watch.off, beyond_range(k, run, rules)
+    if verdict == DONE and not rules.slowest < speed < rules.fastest:
+        verdict, run.notes[NOTE.rotor] = RUNAWAY, j
     off[0, j], longest = time_beyond(off[0, j], off[2, j], now, h)
     off[1, j], off[2, j] = max(off[1, j], longest), now
-    return longest
+    if verdict == DONE and 0 < rules.frequency_delay_s < longest:
+        verdict, run.notes[NOTE.rotor], run.late[0] = FREQUENCY, j, longest - rules.frequency_delay_s
+    return verdict
 
 
 @inline
@@ -105,11 +109,7 @@ def judge(places, net, run, rules, h):
             watch.angles[1, i] = move
         if not move < rules.max_angle and not move <= worst:
             verdict, worst, notes[NOTE.rotor] = SLIPPED, move, i
-        if verdict == DONE and not rules.slowest < speed < rules.fastest:
-            verdict, notes[NOTE.rotor] = RUNAWAY, i
-        longest = time_outside(i, k if places.judged[i] else -1, run, rules, h)
-        if verdict == DONE and 0 < rules.frequency_delay_s < longest:
-            verdict, notes[NOTE.rotor], late[0] = FREQUENCY, i, longest - rules.frequency_delay_s
+        verdict = after_speed(verdict, i, speed, k if places.judged[i] else -1, run, rules, h)
     for i in range(len(places.other)):
         k, j = net.island_at[places.other_bus[i]], len(places.rotor) + i
         if places.other_unit[i] >= 0:
@@ -119,11 +119,8 @@ def judge(places, net, run, rules, h):
             if not move < rules.max_angle:
                 verdict, notes[NOTE.rotor] = UNLOCKED, j
         k = island_alone(i, places, net)
-        if verdict == DONE and k >= 0 and not rules.slowest < run.s[places.other_speed[i]] < rules.fastest:
-            verdict, notes[NOTE.rotor] = RUNAWAY, j
-        longest = time_outside(j, k, run, rules, h)
-        if verdict == DONE and 0 < rules.frequency_delay_s < longest:
-            verdict, notes[NOTE.rotor], late[0] = FREQUENCY, j, longest - rules.frequency_delay_s
+        speed = run.s[places.other_speed[i]] if k >= 0 else 1.0
+        verdict = after_speed(verdict, j, speed, k, run, rules, h)
     if verdict == DONE and rules.low_voltage_s > 0 and not net.faulted:
         for j in range(len(places.watch_bus)):
             b = places.watch_bus[j]

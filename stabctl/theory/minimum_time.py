@@ -81,7 +81,7 @@ class MinimumTimeProblem:
         return math.copysign(math.pi, self.x2) - math.asin(self.Pm / self.Pmax)
 
     @property
-    def driving(self) -> float:
+    def Pm_least(self) -> float:
         """Pm less what acts of the largest absorbed power, pu."""
         return self.Pm - self.Pc_max * self.M / self.M1
 
@@ -153,7 +153,7 @@ def by_shooting(p: MinimumTimeProblem) -> MinimumTime:
         return by_shooting(p.mirrored()).mirrored()
 
     first = nearest - 1e-6 * (nearest - p.x1)  # slightly too close, so that the errors change sign
-    last = p.limit if p.Pc_max >= 0 else math.pi - math.asin(p.driving / p.Pmax)
+    last = p.limit if p.Pc_max >= 0 else math.pi - math.asin(p.Pm_least / p.Pmax)
 
     def end(s: float) -> Array:  # 0 <= s <= 1 moves the end angle; 1 <= s <= 2 raises lambda1 at the limit
         x1 = first + min(s, 1 - 1e-9) * (last - first)
@@ -303,7 +303,7 @@ def stop_angle(p: MinimumTimeProblem) -> float:
         return -stop_angle(p.mirrored())
 
     def energy(x1: float) -> float:  # x2^2 M/2 by (24)
-        return p.M * p.x2**2 / 2 + p.driving * (x1 - p.x1) + p.Pmax * (math.cos(x1) - math.cos(p.x1))
+        return p.M * p.x2**2 / 2 + p.Pm_least * (x1 - p.x1) + p.Pmax * (math.cos(x1) - math.cos(p.x1))
 
     if p.x1 >= p.limit:
         return math.nan

@@ -64,8 +64,8 @@ class Equivalent:
     @property
     def omib(self) -> OMIB:
         """The relative motion (21)-(23) as one machine on an infinite bus."""
-        H, curve = self.H1 * self.share, (self.X, self.VCOI, self.V1, self.Xpost)
-        return OMIB(H, self.Pm1, *curve, None, self.fb, self.Pfault)
+        H, more = self.H1 * self.share, {"fb": self.fb, "Pfault": self.Pfault}
+        return OMIB(H, self.Pm1, self.X, self.VCOI, self.V1, self.Xpost, **more)
 
     def minimum_time_problem(self, cycles: float, Pc_min: float = -0.5, Pc_max: float = 0.5) -> MinimumTimeProblem:
         """The control problem (29)-(31) after a bolted fault at machine 1.
@@ -158,8 +158,8 @@ def equivalent(case: Case, machine: int) -> Equivalent:
             f"Machine {machine} of {case.name} operates beyond the peak of its power-angle curve, so it has no "
             "equivalent; choose another machine."
         )
-    H1, HCOI = float(H[first]), float(H[rest].sum())
-    return Equivalent(H1, HCOI, 1.0, 1.0, 1 / Pmax, driving, case.base_mva, None, case.frequency_hz, Pfault)
+    of_case = {"base": case.base_mva, "fb": case.frequency_hz}
+    return Equivalent(float(H[first]), float(H[rest].sum()), X=1 / Pmax, Pm1=driving, Pfault=Pfault, **of_case)
 
 
 class ReducedNetwork(NamedTuple):

@@ -159,10 +159,10 @@ def _isolated(file: raw.Raw) -> Iterator[str]:
     at: dict[int, Counter[str]] = {bus.I: Counter() for bus, _ in file.of("bus") if bus.IDE == ISOLATED}
     for section in ("load", "shunt", "switched_shunt", "generator", "branch", "switch", "transformer", "dc"):
         for record, _ in file.of(section):
-            one = getattr(record, "head", record)
-            ends = (record.rectifier.IP, record.inverter.IP) if section == "dc" else (getattr(one, k, 0) for k in "IJK")
-            if any(getattr(one, status, 0) for status in ("STATUS", "STAT", "ST", "MDC")):
-                for bus in set(map(abs, ends)) & at.keys():
+            parts = [getattr(record, k) for k in ("head", "rectifier", "inverter") if hasattr(record, k)] or [record]
+            if any(getattr(parts[0], status, 0) for status in ("STATUS", "STAT", "ST", "MDC")):
+                ends = {abs(getattr(part, end, 0)) for part in parts for end in ("I", "J", "K", "IP")}
+                for bus in ends & at.keys():
                     at[bus]["DC line" if section == "dc" else section.replace("_", " ")] += 1
     for bus, place in file.of("bus"):
         if at.get(bus.I):

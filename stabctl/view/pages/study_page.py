@@ -271,13 +271,12 @@ def _lines(study: Study) -> Iterator[Part]:
     rules += f", step={search.step!r}" * bool(search.step)
     faults += rules + ", criteria=..." * bool(how.criteria)
     law = ", control=..." if how.control else ""
-    modes = f"modes(({BAND[0]:g}, {BAND[1]:g})" + f", damping={study.wanted.dampings}" * (
-        study.wanted.dampings != DAMPING
-    )
+    wanted = study.wanted.dampings
+    modes = f"modes(({BAND[0]:g}, {BAND[1]:g})" + f", damping={wanted}" * (wanted != DAMPING) + ")"
     every = [
         how.source or _made(case),
         "base.power_flow(); base.case.check()",
-        f"base.{modes})",
+        f"base.{modes}",
         f"base.screen(faults={faults}{law})",
     ]
     for m, (_, until) in zip(study.margins, study.runs, strict=False):
@@ -285,7 +284,7 @@ def _lines(study: Study) -> Iterator[Part]:
     for change in (r.change for r in study.remedies if r.change):
         law = ", control=st.BangBang()" if change.control == [BangBang()] else ", control=..." if change.control else ""
         every.append(f"changed = base.case.{change.code}.initialize()  # {change.words}")
-        every.append(f"changed.{modes}); changed.screen(faults={faults}{law})")
+        every.append(f"changed.{modes}; changed.screen(faults={faults}{law})")
     yield pattern.made("lines.html", lines=every)
 
 
