@@ -59,7 +59,7 @@ print(json.dumps(found))
 ENTRIES = {"advance", "newton", "evaluate"}
 STEPPER = {"advance", "newton"}
 EDITS = {
-    "devices/machines/genrou.py": {"genrou", "genroe"},
+    "devices/machines/genrou.py": {"genrou", "genroe", "gentpj1"},
     "devices/stabilizers/pss.py": {"pss"},
     "controllers/bang_bang.py": {"bang_bang"},
     "controllers/feedback.py": {"feedback"},

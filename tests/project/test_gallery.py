@@ -48,11 +48,15 @@ def test_a_notebook_gives_the_outputs_that_it_shows(notebook, tmp_path, monkeypa
 
 
 def shown(cell):
-    """Kinds of the outputs of a cell, with their text; without computing times and stderr."""
+    """Kinds of the outputs of a cell, with their text and HTML; without computing times and stderr."""
     found = []
     for output in cell.get("outputs", []):
         if output.get("name") != "stderr":
             data = output.get("data", {"text/plain": output.get("text", "")})
-            text = "" if "image/png" in data else re.sub(r"\b[\d.]+ (?=s\b)", "", data.get("text/plain", ""))
+            text = {} if "image/png" in data else {kind: untimed(data[kind]) for kind in data}
             found.append((sorted(data), text))
     return found
+
+
+def untimed(text):
+    return re.sub(r"\b[\d.]+ (?=s\b)", "", text)
