@@ -50,6 +50,7 @@ def test_every_name_is_there_and_known_to_editors():
         st.nothing  # noqa: B018
 
 
+@pytest.mark.slow
 def test_the_session_runs_as_written(tmp_path):
     case = st.load("two_area")
     base = case.initialize()
@@ -74,6 +75,7 @@ def test_the_session_runs_as_written(tmp_path):
     plt.close("all")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("script", "most"), [("speeds", 12), ("lead", 12), ("stabilizer", 12), ("own_law", 10)])
 def test_a_task_is_a_short_script(script, most, tmp_path, monkeypatch, capsys):
     """Speeds and screen, a python-control loop, a stabilizer, a law of one's own: what a new user writes."""
@@ -130,6 +132,7 @@ def law_giving(answer):
     return st.Controller.from_function(lambda seen: answer, "deviation", "order")
 
 
+@pytest.mark.slow
 def test_a_law_written_in_python_approaches_the_compiled_one(base):
     """Its orders are held from frame to frame; those of the compiled law switch in between."""
 

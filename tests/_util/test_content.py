@@ -57,6 +57,7 @@ def test_a_closure_that_holds_nothing_yet_is_read():
     assert content(empty(), None).text
 
 
+@pytest.mark.slow
 def test_sets_have_the_same_text_in_every_process():
     """Their order depends on the seed of hashes, which is another in every process."""
     code = (

@@ -36,6 +36,7 @@ def study(base):
     return base.study("10cyc", worst=2, remedies="none", **QUICK)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("damping", "more"), [(0.05, ""), (0.4, ", damping=(-0.5, 0.4)")])
 def test_the_page_asks_for_the_modes_that_are_judged(study, tmp_path, damping, more):
     wanted = replace(study, wanted=study.wanted._replace(damping=damping))
@@ -142,6 +143,7 @@ def test_it_is_told_while_parts_are_missing(base):
         assert part.report
 
 
+@pytest.mark.slow
 def test_the_page_and_the_workbook_have_the_numbers(study, tmp_path):
     import openpyxl
 
@@ -172,6 +174,7 @@ def test_without_a_critical_time_there_is_no_margin_in_the_tables(base, study):
     assert next(number for number, _ in study_page._numbers(low)) == "+2 or more"
 
 
+@pytest.mark.slow
 def test_the_page_says_the_clearing_times_that_the_sentences_say(base):
     own = st.Contingency("7", trip="7-8", clear="5cyc")
     for given, said in (
@@ -241,6 +244,7 @@ def test_what_cannot_be_wanted_is_told(base, given, said):
         base.study(**{"clear": "6cyc"} | given)
 
 
+@pytest.mark.slow
 def test_a_system_that_cannot_be_linearized_is_studied_all_the_same(base, stabctl, tmp_path):
     """Every other part is that of the single study, and why there are no modes is said."""
     case = base.case.set({"pss.2.Vmax": 0.0})
@@ -279,6 +283,7 @@ def test_an_interrupted_study_goes_on(base, study, tmp_path):
     assert again.df.equals(study.df)
 
 
+@pytest.mark.slow
 def test_the_command(stabctl, tmp_path):
     words = "two_area", "--resolution", "0.5cyc", "--observe", 3, "--longest", 0, "--scan", 0, "--limit", "20cyc"
     code, out, _ = stabctl("study", *words, "--worst", 1, "--json", "--clear", "10cyc")
@@ -298,6 +303,7 @@ def test_the_command(stabctl, tmp_path):
     assert (code, "cannot be used together" in err) == (2, True)
 
 
+@pytest.mark.slow
 def test_a_long_screen_tells_what_it_has(base, monkeypatch):
     """Partial studies have some contingencies, no verdict, and a page that says so; the last has all."""
     monkeypatch.setattr(study_module, "EVERY", 0.0)
@@ -316,6 +322,7 @@ def test_a_long_screen_tells_what_it_has(base, monkeypatch):
     assert "not complete" not in study_page.page(whole).html()
 
 
+@pytest.mark.slow
 def test_before_the_screen_the_page_says_what_looks_worst(base):
     parts = []
     whole = base.study("8cyc", worst=0, each=parts.append, **QUICK)
@@ -341,6 +348,7 @@ def test_pauses_between_partial_studies_become_longer(base, study, monkeypatch):
     assert told == [0, 2, 5, 10, 30, 50]
 
 
+@pytest.mark.slow
 def test_the_worst_are_judged_by_criteria(base, tmp_path):
     """A study is not secure if a rule is violated, and says what, where and when; its clearing times keep the rule."""
     path = tmp_path / "own.toml"
@@ -386,6 +394,7 @@ def test_every_number_of_a_large_study_is_that_of_the_single_command(name, stora
         assert (alone.cycles, alone.status) == (margin.found.cycles, margin.found.status)
 
 
+@pytest.mark.slow
 def test_the_lines_of_the_page_compute_its_numbers(stabctl, tmp_path):
     """Of a file with options: the system, the search and the criterion are those of the study."""
     raw = Path(__file__).parents[2] / "docs" / "examples" / "three.raw"
@@ -405,6 +414,7 @@ def test_the_lines_of_the_page_compute_its_numbers(stabctl, tmp_path):
     assert f"max_angle={float(np.deg2rad(120))!r}" in lines
 
 
+@pytest.mark.slow
 def test_the_lines_of_the_page_register_the_devices_of_the_user_first(stabctl, tmp_path):
     words = "--faults", "lines", "--worst", 0, "--remedies", "none", "--clear", "3cyc", "--limit", "4cyc", "--scan", 0
     with registered(OWN / "wide_area.py"):
@@ -474,6 +484,7 @@ def test_the_worst_are_observed_as_in_the_screen(undamped):
     assert undamped.simulate(contingency, until).outcome.message == run.outcome.message
 
 
+@pytest.mark.slow
 def test_a_damping_ratio_that_is_zero_has_no_sign(undamped):
     """Without damping the real parts are rounding, of either sign."""
     modes = undamped.modes()
@@ -487,6 +498,7 @@ def test_a_damping_ratio_that_is_zero_has_no_sign(undamped):
     assert "-0.00" not in study_page.page(study).html()
 
 
+@pytest.mark.slow
 def test_a_contingency_that_only_a_shorter_fault_loses_is_said(undamped):
     """Fault 21, trip 21-22 is survived with 6 and with 7 cycles, but not with 6.125."""
     study = undamped.study("7cyc", faults=[st.Contingency("21", trip="21-22")], **ALONE)

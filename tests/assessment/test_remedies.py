@@ -75,6 +75,7 @@ def same(state, alone):
     assert state.damping_ratio == pytest.approx(alone[2], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_without_remedies_the_study_is_the_same(base, study):
     plain = base.study(**ASKED, remedies="none")
     assert plain.remedies == ()
@@ -94,6 +95,7 @@ def test_the_numbers_are_those_of_the_changed_case_alone(base, study, kind):
     assert found.solves
 
 
+@pytest.mark.slow
 def test_storage_is_what_place_finds(base, study):
     costs = st.Costs(mw=3e5, site=1e6)
     alone = base.place([LOST], costs=costs, observe="3s", longest="0s")
@@ -135,6 +137,7 @@ def test_one_step_less_is_not_enough(base, study):
     assert not case.initialize().simulate(LOST, until="4.5s").outcome.stable
 
 
+@pytest.mark.slow
 def test_stabilizers_are_what_tune_finds(weak, retuned):
     options = {"outages": "none", "levels": [1.0], "check_levels": [], "checks": 0, "starts": 1}
     alone = st.design.tune(weak, st.design.stabilizers([1, 2, 3, 4], model="pss"), damping=0.08, **options)
@@ -148,6 +151,7 @@ def test_stabilizers_are_what_tune_finds(weak, retuned):
     assert "4 stabilizers retuned, gains 3 to" in str(retuned)
 
 
+@pytest.mark.slow
 def test_costs_are_proportional_to_prices(base, study, unpriced):
     found = by_kind(study)
     twice = base.study(**ASKED, remedies="all", prices=st.Prices(**{k: 2 * v for k, v in PRICES.items()}))
@@ -195,6 +199,7 @@ def test_there_must_be_machines_to_shift_to(base):
         redispatch(base, [LOST.with_clear("5cyc")], search)
 
 
+@pytest.mark.slow
 def test_each_remedy_is_told_when_it_is_found(unpriced):
     whole, parts, shares = unpriced
     assert [len(p.remedies) for p in parts][-3:] == [0, 1, 2]
@@ -204,6 +209,7 @@ def test_each_remedy_is_told_when_it_is_found(unpriced):
     assert "still computed" not in study_page.page(whole).html()
 
 
+@pytest.mark.slow
 def test_an_interrupted_study_goes_on_with_its_remedies(base, study, tmp_path):
     def stop(_, part):
         if part == "redispatch":
@@ -216,6 +222,7 @@ def test_an_interrupted_study_goes_on_with_its_remedies(base, study, tmp_path):
     assert base.study(**asked, workers=1).remarks() == study.remarks()
 
 
+@pytest.mark.slow
 def test_the_page_and_the_workbook_have_them(study, tmp_path):
     import openpyxl
 
@@ -233,6 +240,7 @@ def test_the_page_and_the_workbook_have_them(study, tmp_path):
     assert [dict(zip(head, row, strict=True))["solves"] for row in rows] == [True, True]
 
 
+@pytest.mark.slow
 def test_the_command_with_prices_of_a_file(stabctl, tmp_path):
     path = tmp_path / "prices.toml"
     path.write_text('[prices]\nredispatch_mwh = 20\nhours = 100\ncurrency = "EUR"\n')
@@ -335,6 +343,7 @@ def test_storage_that_does_not_suffice_says_for_what():
     assert "It is not enough. Nothing was found for 29 trip 28-29." in str(found)
 
 
+@pytest.mark.slow
 def test_each_group_gives_up_as_little_as_is_enough():
     """Two groups of ieee39 at 8 cycles: with one step less of either, a contingency is lost."""
     base = st.load("ieee39").initialize()

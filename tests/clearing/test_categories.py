@@ -83,6 +83,7 @@ def test_a_screen_of_a_category_finds_the_clearing_times_of_its_contingencies(po
         assert (alone.cycles, alone.status) == (pair.cycles, pair.status)
 
 
+@pytest.mark.slow
 def test_a_margin_is_to_the_own_clearing_time(points):
     given = [st.Contingency("7", "10cyc", "7-8", name="own"), st.Contingency("7", trip="7-8", name="usual")]
     study = points("two_area").study(clear="6cyc", faults=given, worst=2, scan=0)

@@ -89,6 +89,7 @@ def test_its_own_clearing_time_and_instant_are_ignored(two_area):
     assert clearing_time(two_area, other).cycles == 9.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "control",
     [

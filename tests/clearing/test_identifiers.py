@@ -153,6 +153,7 @@ def test_a_location_is_printed_in_one_form(plain, tmp_path):
         assert str(Contingency("7", "6cyc", [text]).placed(case)) == f"fault 7, cleared after 6cyc by opening {trip}"
 
 
+@pytest.mark.slow
 def test_place_survives_faults_at_circuits_with_identifiers(plain, tmp_path):
     case, found = identified(plain, "1,2"), []
     for base, trip in ((plain, "7-8"), (case, "7-8 ckt '1,2'")):

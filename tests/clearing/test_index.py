@@ -29,6 +29,7 @@ def ieee39(points):
     return watched(points("ieee39"), **QUICK)
 
 
+@pytest.mark.slow
 def test_the_worst_places_come_first(ieee39):
     found, severities, places = ieee39
     assert {one.contingency for one in severities} == {p.contingency for p in found.pairs}
@@ -49,6 +50,7 @@ def test_a_severity_is_that_of_a_single_run(ieee39, points):
     assert str(severities[-1]) == f"angles change by {severities[-1].swing_deg:.0f} degrees"
 
 
+@pytest.mark.slow
 def test_the_order_is_that_with_the_control(cases, tmp_path):
     """A store keeps it apart from that without. A run ends when the screen no longer observes."""
     point, orders = operating_point.operating_point(cases("two_area"), "400MW"), []
@@ -61,6 +63,7 @@ def test_the_order_is_that_with_the_control(cases, tmp_path):
     assert orders[0] != orders[1]
 
 
+@pytest.mark.slow
 def test_no_answer_depends_on_the_order(ieee39, points):
     alone = screen(points("ieee39"), **QUICK)
     assert answers(ieee39[0]) == answers(alone)
@@ -76,6 +79,7 @@ def test_no_answer_of_the_usual_search_depends_on_the_order(cases, storage):
     assert answers(found) == answers(screen(point, **how))
 
 
+@pytest.mark.slow
 def test_a_store_keeps_the_order(points, tmp_path, monkeypatch):
     """An interrupted screen continues in the same order without a run for it; only the places left are searched."""
     point, how = points("two_area"), QUICK | {"store": tmp_path}

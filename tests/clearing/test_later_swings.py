@@ -122,6 +122,7 @@ def test_a_screen_with_storage_does_not_step_over_a_lost_later_swing(cases, bus,
     assert trial.simulate(round(8 * first)).outcome.stable
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
@@ -136,6 +137,7 @@ def test_one_rule_for_screens_and_clearing_times_however_long_they_observe(class
         assert (pair.cycles, pair.machine) == (one.cycles, one.machine), pair
 
 
+@pytest.mark.slow
 def test_a_fault_that_is_stable_at_the_limit_of_a_screen_is_scanned_below_it(classical):
     """8/8-9 is stable at 13 cycles and lost at 12.625: a screen of what is below 13 cycles lists it."""
     found = {p.trip: p.cycles for p in screen(classical, "13cyc", buses=8).pairs}

@@ -120,6 +120,7 @@ def test_a_parallel_circuit_written_from_its_other_end_is_a_twin_too(cases):
     assert " ".join(map(str, found.twins)) == "8-7#2 9-8#2"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "every"), [("two_area", 2), ("ieee39", 22), pytest.param("classical", 4, marks=pytest.mark.slow)]
 )
@@ -130,6 +131,7 @@ def test_pairs_as_clearing_time_finds_them(screens, points, classical, name, eve
         assert answer(pair) == answer(clearing_time(point, pair.contingency)), pair
 
 
+@pytest.mark.slow
 def test_a_sample_of_wnaps_as_clearing_time_finds_it(points):
     point = points("wnaps")
     found = screen(point, buses=[84, 102])
@@ -222,6 +224,7 @@ def test_a_fine_grid_costs_few_questions():
     assert len(asked) < 50  # 43
 
 
+@pytest.mark.slow
 def test_threads_change_nothing(points):
     alone, several = (screen(points("ieee39"), below="6cyc", workers=n) for n in (1, 3))
     assert alone.rows() == several.rows()
@@ -262,6 +265,7 @@ def test_impossible_screens_are_refused(points, tmp_path, screens):
         screens("two_area").save(tmp_path / "screen.xls")
 
 
+@pytest.mark.slow
 def test_command(stabctl, tmp_path):
     path = tmp_path / "screen.csv"
     code, out, _ = stabctl("screen", "ieee39", "--classical", "--below", "5cyc", "--json", "--out", path)

@@ -52,6 +52,7 @@ def test_scr_prints_buses_and_converters(stabctl, tmp_path):
     assert json.loads(stabctl("scr", "two_area", "--json")[1])["converters"] == []
 
 
+@pytest.mark.slow
 def test_modes_lists_sensitivities(stabctl):
     found = load("two_area").modes().sensitivity()
     record = json.loads(stabctl("modes", "two_area", "--sensitivity", "--json")[1])["sensitivity"]
@@ -88,6 +89,7 @@ def test_the_papers_main_result(stabctl, storage, outcome):
     assert (record["machine"] is None) == (outcome == "stable")
 
 
+@pytest.mark.slow
 def test_table_out_and_plot(stabctl, tmp_path):
     table, picture = tmp_path / "run.csv", tmp_path / "run.png"
     words = ("--fault", "7", "--trip", "7-8", "--clear", "8cyc", "--storage-at", "1=50MW,4@9=20MW", "--until", 2)
@@ -257,6 +259,7 @@ def test_every_value_that_is_read_in_its_own_way_has_a_name_in_the_help():
     assert not [name for name, option in read.items() if not option.metavar]
 
 
+@pytest.mark.slow
 def test_design_tune_says_its_numbers(stabctl, tmp_path):
     """The JSON has the clearing times of every check, the worst network, and every parameter."""
     record = tmp_path / "k.dyr"

@@ -40,6 +40,7 @@ def running(ran):
         assert ran.poll() is None
 
 
+@pytest.mark.slow
 def test_ctrl_c_in_the_middle_of_a_simulation():
     """Numba crashed when it was raised while a result of the compiled loop became a Python object (exit code -11)."""
     code, said, took = interrupted("simulate", "wnaps", "--loads", "power", "--until", "200000s", after=running)

@@ -194,6 +194,7 @@ def screened(odd):
 COARSE = "--resolution", "1cyc", "--observe", "1", "--longest", "0", "--limit", "20cyc"
 
 
+@pytest.mark.slow
 def test_a_screen_is_that_of_python(screened, printed, told, tmp_path):
     record = told("screen", *COARSE, "--out", tmp_path / "pairs.csv")
     wanted = [(p.fault, " ".join(p.trip), p.cycles, p.status, p.machine) for p in screened.pairs]

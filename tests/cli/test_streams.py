@@ -84,6 +84,7 @@ def test_the_note_that_equations_are_compiled_comes_once_and_not_into_the_output
     assert err == ("" if gone else "stabctl: compiling the equations (once for each set of models) ...\n")
 
 
+@pytest.mark.slow
 def test_what_the_encoding_lacks_is_escaped(tmp_path):
     code, out, err = shell(f"cd {tmp_path}; export PYTHONIOENCODING=ascii; $stabctl cases; $stabctl tables 'é\x1b'")
     assert code == 2

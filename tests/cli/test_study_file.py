@@ -13,6 +13,7 @@ def contingencies(out):
     return found["required_cycles"], found["required_damping"], found["contingencies"]
 
 
+@pytest.mark.slow
 def test_a_file_gives_what_options_give(stabctl, tmp_path):
     file = tmp_path / "ours.toml"
     file.write_text(

@@ -73,6 +73,7 @@ def test_an_extended_law_has_the_equations_of_the_law_that_it_extends(base, law)
     assert Same().device is one.device
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "as_given", [lambda law: law, lambda law: law.sampled(60), lambda law: st.EstimatorControl(law, "ideal")]
 )

@@ -60,6 +60,7 @@ def test_the_damper_in_the_simulation(base, damper):
     assert decay < 5e-4
 
 
+@pytest.mark.slow
 def test_stabilizers_reach_the_damping_everywhere(base):
     found = pss(base, damping=0.13)
     assert found.reached
@@ -90,6 +91,7 @@ def test_a_regulator_is_optimal(base):
     assert dearer < found.worst_after < cheaper
 
 
+@pytest.mark.slow
 def test_commands(stabctl, tmp_path):
     out = tmp_path / "k.toml"
     words = ("two_area_thyristor", "--storage", "50MW", "--input", "deviation:1", "--output", "order:1@5")

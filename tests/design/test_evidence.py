@@ -26,6 +26,7 @@ def found(damper):
     return evidence(damper)
 
 
+@pytest.mark.slow
 def test_the_loop_gain_is_minus_one_at_the_gain_margins(found):
     """Sampled and six frames late: the eigenvalues of the closed loop and the frequency response, within 2 %."""
     (loop,) = found.loops
@@ -38,6 +39,7 @@ def test_the_loop_gain_is_minus_one_at_the_gain_margins(found):
     assert loop.distance <= 2 * np.sin(np.deg2rad(loop.phase_margin) / 2) + 0.01
 
 
+@pytest.mark.slow
 def test_a_narrow_resonance_is_seen(cases):
     """A mode of damping 0.001: the loop gain on a grid of its own, 1/100 of its width, and the frequencies drawn."""
     base = cases("two_area_thyristor").initialize(storage="50MW")
@@ -99,6 +101,7 @@ def test_a_continuous_controller_gives_its_exact_step(cases):
     assert y[1:3, 0].tolist() == pytest.approx([0.0, 300.0])
 
 
+@pytest.mark.slow
 def test_checks_are_clearing_times_without_and_with(cases):
     stabilizers = pss(cases("two_area_thyristor"), damping=0.13)
     assert not stabilizers.before[0].stable
@@ -113,6 +116,7 @@ def test_a_python_function_has_no_page(damper):
         evidence(replace(damper, controllers=(law,)))
 
 
+@pytest.mark.slow
 def test_checks_compare_with_the_stabilizers_that_are_replaced(cases):
     """Of the case itself, by the clearing times of three systems; medians and counts by hand."""
     case = cases("two_area")

@@ -33,6 +33,7 @@ def found(fleet, tmp_path_factory):
     return law(fleet, FAULT, limits=LawLimits(return_within=0), store=store, workers=2, **QUICK), store
 
 
+@pytest.mark.slow
 def test_the_designed_law_is_better_than_the_papers(fleet, found):
     design, _ = found
     (only,) = design.contingencies

@@ -68,6 +68,7 @@ def longest():
     return optimum(_case(), FAULT, resolution="0.02cyc", limit="20cyc", **OPTIONS)
 
 
+@pytest.mark.slow
 def test_on_two_machines_it_is_the_schedule_of_equal_areas(longest):
     assert longest.proof.stable
     assert longest.ended == "converged"
@@ -79,6 +80,7 @@ def test_on_two_machines_it_is_the_schedule_of_equal_areas(longest):
     assert "power ratings" in longest.binding[0]
 
 
+@pytest.mark.slow
 def test_on_two_machines_it_stops_the_machine_as_early_as_the_minimum_time_control():
     found = optimum(_case(1e-3), FAULT, resolution="0.25cyc", limit="14.5cyc", **OPTIONS | {"step": 1 / 240})
     problem = EQ.minimum_time_problem(found.cycles, -PC, PC)
@@ -145,6 +147,7 @@ def test_other_events_keep_their_time_from_the_fault(cases, k):
     assert under.cleared(k) * rate == pytest.approx(round(under.cleared(k) * rate))
 
 
+@pytest.mark.slow
 def test_devices_that_are_idle_at_low_voltage_keep_the_limit_on_energy(cases):
     """Orders that they do not follow are 0 and take no energy."""
     options = {"rate": 20, "window": "1s", "resolution": "1cyc", "iterations": 2, "observe": "2s", "longest": 0}

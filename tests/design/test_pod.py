@@ -56,6 +56,7 @@ def test_the_lags_have_their_corner_amid_the_swings_behind_a_washout(base):
     assert one.C @ np.linalg.solve(one.A, one.B) == pytest.approx(one.D)  # at rest it gives nothing
 
 
+@pytest.mark.slow
 def test_what_a_device_cannot_move_is_said(cases):
     """From bus 5 with the speed of machine 1 alone, machines 3 and 4 swing as before."""
     base = cases("two_area_thyristor").initialize(storage="1@5=50MW")

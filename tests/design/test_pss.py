@@ -47,6 +47,7 @@ def test_one_design_serves_all_outages(ieee39):
     assert all(c.limits == (-0.1, 0.1) for c in found.controllers)
 
 
+@pytest.mark.slow
 def test_gains_of_their_own_reach_what_a_common_gain_does_not(cases):
     """One gain for the compensators of this design, from a tenth to ten times their own: none has its damping."""
     case = cases("two_area_thyristor")
@@ -59,6 +60,7 @@ def test_gains_of_their_own_reach_what_a_common_gain_does_not(cases):
         assert modes.damping_ratio[modes.frequency_hz > 0.1].min() < found.damping
 
 
+@pytest.mark.slow
 def test_what_cannot_be_reached_is_said_with_the_mode(cases):
     """Two machines of one area: the search finds 0.087 with gains of at most 200."""
     found = pss(cases("two_area_thyristor"), [1, 2], damping=0.1)
@@ -88,6 +90,7 @@ def gains(found, *hz):
     return np.array([np.abs(np.ravel(c.to_control()(2j * np.pi * np.array(hz)))) for c in found.controllers])
 
 
+@pytest.mark.slow
 def test_the_damping_is_reached_with_small_gains(cases):
     """13 % with gains of at most 26 (23); phase compensation with one gain needed 112."""
     found = pss(cases("two_area_thyristor"), damping=0.13)
@@ -99,6 +102,7 @@ def test_the_damping_is_reached_with_small_gains(cases):
     assert list(found.largest_gains.values()) == pytest.approx(largest, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_filter_holds_back_noise_and_is_part_of_the_design(cases):
     """Far above the band the gain falls with the frequency; without the filter it stays."""
     case = cases("two_area_thyristor")
@@ -110,6 +114,7 @@ def test_the_filter_holds_back_noise_and_is_part_of_the_design(cases):
         assert case.closed_loop(*found.controllers).modes().stable
 
 
+@pytest.mark.slow
 def test_a_design_is_compared_with_the_stabilizers_that_it_replaces(cases):
     case = cases("two_area")
     found = pss(case, damping=0.1)

@@ -93,6 +93,7 @@ def test_guaranteed_margins_are_below_the_true_ones(base, what, request):
     assert base.closed_loop(uneven).modes().eigenvalues.real.max() < 1e-6
 
 
+@pytest.mark.slow
 def test_estimator_and_regulator_are_separate(base):
     """Without reduction the loop has the eigenvalues of the regulator, whatever the noise, and of the estimator."""
     loops = [
@@ -108,6 +109,7 @@ def test_estimator_and_regulator_are_separate(base):
     assert near[k] < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "units",
     [{"speed": 0.3, "angle": "6deg", "effort": 3.0}, {"disturbance": "30MW", "noise": 3.0}],
@@ -144,6 +146,7 @@ def test_the_loop_of_its_margins_returns_1_at_every_mode(whole):
         assert abs(np.linalg.det(np.eye(2) - loop)) < 1e-6
 
 
+@pytest.mark.slow
 def test_a_smaller_observer_loses_little(base, late):
     small = lqg(base, rate=60, delay="50ms", order=8)
     assert len(small.controller.A) < len(late.controller.A)
@@ -172,6 +175,7 @@ def test_measurements_that_cross_the_network(base):
     assert base.margins(found.controller).gain_up == pytest.approx(found.own.gain_up, rel=0.02)  # 2.89
 
 
+@pytest.mark.slow
 def test_every_speed_and_frequency_is_measured_with_the_same_noise(base):
     """5 mHz, also of the exact frequency of a bus."""
     found = lqg(base, inputs="frequency:7", delay="50ms"), lqg(base, inputs="bus_frequency:7", delay="50ms")
@@ -191,6 +195,7 @@ def test_a_regulator_behind_kalman_filters(base, measured):
     assert late.max_angle_from_coi_deg == pytest.approx(true.max_angle_from_coi_deg, rel=0.02)
 
 
+@pytest.mark.slow
 def test_commands(stabctl, tmp_path):
     out = tmp_path / "k.toml"
     words = ("two_area_thyristor", "--storage", "50MW", "--out", out, "--json")

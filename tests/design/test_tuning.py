@@ -229,6 +229,7 @@ def tuned(cases):
     return tune(cases("two_area_thyristor"), stabilizers(gain=10, fast=120), levels=(0.9, 1.0), starts=2)
 
 
+@pytest.mark.slow
 def test_the_worst_damping_is_that_of_the_closed_loops(cases, tuned):
     """Each network is built anew and closed with the controllers; all modes above 0.1 Hz count, at three gains."""
     case, found = cases("two_area_thyristor"), []
@@ -289,6 +290,7 @@ def test_the_table_of_what_it_was_not_tuned_for_is_that_of_closed_loops(cases, t
     assert table["each gain +-30 %, worst of 10 draws"] == pytest.approx(wanted, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_level_that_was_not_tuned_for_is_checked(cases):
     found = tune(cases("two_area_thyristor"), levels=(1.0,), gains=(), outages="none", starts=1, check_levels=(0.8,))
     modes = cases("two_area_thyristor").with_load_level(0.8).initialize().closed_loop(*found.controllers).modes()
@@ -304,11 +306,13 @@ def test_a_clearing_time_that_falls_is_named(cases, tuned):
     assert text.count("A clearing time falls by more than 1/8 cycle") == 3
 
 
+@pytest.mark.slow
 def test_threads_change_nothing(cases, tuned):
     again = tune(cases("two_area_thyristor"), stabilizers(gain=10, fast=120), levels=(0.9, 1.0), starts=2, workers=1)
     assert again.parameters.equals(tuned.parameters)
 
 
+@pytest.mark.slow
 def test_an_interrupted_tuning_goes_on_where_it_was(cases, tuned, tmp_path, monkeypatch):
     """After three rounds it is interrupted; those are not run again, and the result is the same to the last bit."""
     ran, run = [], Search.run
@@ -345,6 +349,7 @@ def test_a_ring_down_decays_as_the_least_damped_mode_does(tuned):
     assert abs(found.real / wanted.real - 1) < 2e-2
 
 
+@pytest.mark.slow
 def test_once_the_damping_is_reached_the_gains_are_lowered(cases, tuned):
     """15 % with gains x 0.7, too, needs 62 % of the gains, K and at high frequencies; no damping is left over."""
     few = tune(cases("two_area_thyristor"), stabilizers(gain=10, fast=120), damping=0.15, levels=(0.9, 1.0), starts=1)
@@ -388,6 +393,7 @@ def test_limits_that_all_networks_miss_leave_the_damping_in_the_working_set(case
     assert found.reached == (found.doubled.damping >= 0.3 and found.damping >= 0 and found.sensitivity[0] <= 2)
 
 
+@pytest.mark.slow
 def test_a_packaged_stabilizer_is_written_back(cases, tmp_path):
     """The case of the result has the same worst damping, and so has its DYR record."""
     found = tune(
@@ -402,6 +408,7 @@ def test_a_packaged_stabilizer_is_written_back(cases, tmp_path):
     assert len(lines[0].split()) == 3 + 19 + 1  # bus, model, identifier; constants; slash
 
 
+@pytest.mark.slow
 def test_parameters_of_the_case_are_tuned(cases):
     """The gains of the exciters alone: more damping, confirmed in the case of the result."""
     case = cases("two_area_pss")
@@ -417,6 +424,7 @@ def test_parameters_of_the_case_are_tuned(cases):
     assert "The required damping is not reached, short by up to 0.01" in str(replace(found, short=0.01))
 
 
+@pytest.mark.slow
 def test_equal_stages_have_exact_delayed_modes_and_margins(cases):
     """Two equal lags leave A without a full set of eigenvectors: the margins are those of stages 0.1 % apart (1e-3)."""
     chain = stabilizers([1], stages=2, washout=(10, 10)).tunables(cases("two_area_thyristor"))[0]
@@ -435,6 +443,7 @@ def test_equal_stages_have_exact_delayed_modes_and_margins(cases):
     assert "all found" in str(late)
 
 
+@pytest.mark.slow
 def test_the_simulations_are_those_of_the_level_nearest_1(cases):
     few = {"gains": (), "outages": "none", "starts": 1, "check_levels": (), "checks": 0}
     more = {"fast": 1e3, "stages": 1}

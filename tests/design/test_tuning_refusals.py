@@ -27,6 +27,7 @@ def test_a_damping_that_no_controller_can_reach_is_said_before_the_search(cases)
     assert parts.movable(own - 0.01)[1] == []
 
 
+@pytest.mark.slow
 def test_a_network_that_nothing_stabilizes_is_named(cases):
     """Opened lines leave an unstable part of which the only damper sees nothing: a sentence, or the network's name."""
     point = cases("two_area_thyristor").initialize(storage="3@11=50MW")
@@ -36,6 +37,7 @@ def test_a_network_that_nothing_stabilizes_is_named(cases):
     assert "Nothing was found that stabilizes every network" in str(found)
 
 
+@pytest.mark.slow
 def test_a_machine_alone_has_no_ring_down_to_compare(recwarn):
     """The unit behind a converter has no speed, and there is nothing from which the other one may deviate."""
     with kind("reec_b, currents") as models:

@@ -30,6 +30,7 @@ def looked_up():
                     yield f"{path.relative_to(ROOT)}:{node.lineno}: {ast.unparse(node)}"
 
 
+@pytest.mark.slow
 def test_no_file_looks_past_the_record():
     assert list(looked_up()) == []
 

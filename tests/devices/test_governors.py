@@ -303,6 +303,7 @@ def test_the_valve_of_ggov1_is_at_a_limit_and_leaves_it_without_windup(change, l
     assert np.abs(found["valve"][time > 12.5][0] - edge) > 0.1
 
 
+@pytest.mark.slow
 def test_the_valve_of_ggov1_moves_no_faster_than_its_rates():
     time, found, par = gas(-0.04, Kpload=0.0, Kiload=0.0)
     rate = np.gradient(found["valve"], time)
@@ -310,6 +311,7 @@ def test_the_valve_of_ggov1_moves_no_faster_than_its_rates():
     assert rate.min() == pytest.approx(par.Rmin, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_load_limiter_of_ggov1_holds_the_exhaust_and_gives_way():
     """At low speed the exhaust settles at Ldref/Kturb + Wfnl; at high speed the governor takes over within a second."""
     time, found, par = gas(-0.04, until=53.0, turn=50.0, Ldref=0.8, Rmax=1.0, Rmin=-1.0)

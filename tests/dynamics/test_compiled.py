@@ -32,6 +32,7 @@ def everything(case):
             simulation.run(point, events, 0.05, control=control, record=record)
 
 
+@pytest.mark.slow
 def test_every_case_and_option_runs_on_one_compilation():
     for name in io.packaged():
         everything(io.load(name))
@@ -72,6 +73,7 @@ np.save(sys.argv[1], result.rows)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("classical", [False, True])
 def test_plain_python_gives_the_same_and_meets_no_index_out_of_range(tmp_path, classical):
     """To the last bit with classical machines; NumPy's exp, log and arctan2 round otherwise than the C library's."""

@@ -189,6 +189,7 @@ def test_a_command_answers_the_same_whatever_happens_to_its_machine_code(tmp_pat
     assert {kind for kind, _ in told} == {*KINDS}
 
 
+@pytest.mark.slow
 def test_functions_of_the_user_are_compiled_as_ever(compiled):
     """Also one that calls what was linked into ours before."""
     from numba import njit

@@ -31,6 +31,7 @@ def control(*bad):
     return EstimatorControl(pmu=Pmu(bad=bad), engine="batched", check_pmus=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "at"),
     [("jump", 1.1), *(pytest.param(kind, at, marks=pytest.mark.slow) for kind in list(KINDS)[:4] for at in (0.5, 1.1))],
@@ -48,6 +49,7 @@ def test_a_bad_pmu_is_named_and_the_speeds_stay_right(kind, at):
     assert all(run.outcome.stable for run in found.runs)
 
 
+@pytest.mark.slow
 def test_good_pmus_raise_no_alarm_in_a_fault():
     found = estimate(io.load("two_area"), FAULT, 4, storage="50MW", control=control(), seeds=(1, 2, 3), record=False)
     assert found.alarms == ()
@@ -61,6 +63,7 @@ def test_of_two_pmus_that_explain_the_same_neither_is_named():
     assert Residuals(of, e, near + wide, G).suspects(0.0) == {}
 
 
+@pytest.mark.slow
 def test_a_pmu_that_is_right_again_is_used_again_after_five_seconds():
     bad = BadPmu(3, 0.5, jump="5deg", until=1.0)
     found = estimate(io.load("two_area"), None, 7, storage="50MW", control=control(bad), record=False)

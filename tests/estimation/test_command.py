@@ -10,6 +10,7 @@ import stabctl as st
 FAULT = ("two_area", "--fault", "7", "--trip", "7-8", "--storage", "50MW")
 
 
+@pytest.mark.slow
 def test_estimate_prints_its_measures_and_draws(stabctl, tmp_path):
     picture = tmp_path / "speeds.png"
     words = ("estimate", *FAULT, "--clear", "11cyc", "--observe", 2)
@@ -26,6 +27,7 @@ def test_estimate_prints_its_measures_and_draws(stabctl, tmp_path):
     assert "mHz" in stabctl(*words, "--classical", "--clear", "8cyc")[1]
 
 
+@pytest.mark.slow
 def test_the_table_says_from_when_on_the_errors_are_taken(stabctl):
     """The fault, and the first 50 ms after its clearing, are left out."""
     base = st.load("two_area").initialize(storage="50MW")
@@ -56,6 +58,7 @@ def test_a_run_ends_after_fault_clearing_and_observation(stabctl):
     assert "until 0.900 s" in json.loads(stabctl(*words, "--json")[1])["message"]
 
 
+@pytest.mark.slow
 def test_simulate_and_clearing_time_take_an_estimator(stabctl):
     simulate = ("simulate", *FAULT, "--clear", "11cyc", "--until", 3, "--json")
     kalman, ideal = (json.loads(stabctl(*simulate, "--estimator", kind)[1]) for kind in ("kalman", "ideal"))

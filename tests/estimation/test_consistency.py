@@ -52,6 +52,7 @@ def documented(name, cycles, filter_class):
     return [float(cell) for cell in row.removeprefix(head).split("|")[:8]]
 
 
+@pytest.mark.slow
 def test_two_area_off_the_frame_grid():
     check("two_area", 11.37, "none")  # NEES 1.57, 1.35, 1.45, 1.61; NIS 0.99, 1.02, 0.89, 0.99
 

@@ -86,6 +86,7 @@ BLIND, OFF = {"missing": (1,)}, {"missing": (1,), "clock": 26e-6}
 SLOWER = pytest.param(OFF, AT_7, marks=pytest.mark.slow)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("more", "fault"), [({}, AT_7), ({}, AT_1), (BLIND, AT_7), (BLIND, AT_1), (OFF, AT_1), SLOWER], ids=str
 )
@@ -97,6 +98,7 @@ def test_faults_at_a_bus_whose_machine_may_have_no_pmu(fault, more):
     assert not blind or shares[1, 0] < 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["10/s", *one_of("M class", "loss 0.3")])
 def test_low_rates_losses_and_filters(kind):
     _, shares = check("two_area", FAULTS["two_area"][0], **PMUS[kind])

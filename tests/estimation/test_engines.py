@@ -5,6 +5,7 @@ import json
 import pytest
 
 
+@pytest.mark.slow
 def test_filterpy_on_request_gives_the_same_estimates(stabctl):
     words = (
         "estimate",

@@ -77,6 +77,7 @@ def test_classical_machines_without_noise(study, name):
     assert accuracy.rmse_mhz < 1.5  # 0.8, 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*CLASSICAL, *FULL])
 def test_speeds_are_known_at_the_defaults(study, name):
     """RMSE <= 15 mHz, 99 % <= 40 mHz, delay <= 10 ms, wrong <= 4 %, opposite none; none before the fault."""
@@ -99,6 +100,7 @@ def test_no_command_in_a_minute_of_noise(study, name):
     assert 0.8 < np.nanmean(found.nis) < 1.1  # 0.88, 0.92, 0.95, 0.93
 
 
+@pytest.mark.slow
 def test_it_is_better_than_its_baselines(study):
     point, events, cleared, _ = study("two_area")
     kinds = ("kalman", "kinematic", "frequency")
@@ -115,6 +117,7 @@ def test_inertia_and_reactance_may_be_wrong_by_fifteen_percent(study, name, wron
     assert accuracy.opposite_command_share == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*CLASSICAL, *FULL])
 def test_losing_everything_for_a_tenth_of_a_second_at_clearing_swaps_no_command(study, name):
     cleared = study(name)[2]
@@ -123,6 +126,7 @@ def test_losing_everything_for_a_tenth_of_a_second_at_clearing_swaps_no_command(
     assert not (found.true_commands * found.estimated_commands < 0).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "pmu", [Pmu(rate=30), Pmu(rate=120), Pmu(filter_class="P"), Pmu(filter_class="M"), Pmu(loss=0.2, burst=4)]
 )
@@ -176,6 +180,7 @@ def test_a_tripped_machine_leaves_the_sums_and_its_storage_idles(study):
     assert np.abs(np.delete(error, row, 1)).max() < 60  # 30
 
 
+@pytest.mark.slow
 def test_a_case_in_one_call(cases, tmp_path):
     """From a case, storage as text, and the clearing time found from the contingency."""
     fault = Contingency("7", "6cyc", "7-8")

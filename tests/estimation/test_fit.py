@@ -44,6 +44,7 @@ def test_wrong_data_are_recovered(points, inertia, reactance):
     assert "machine 1: inertia x" in str(found)
 
 
+@pytest.mark.slow
 def test_reports_of_machines_that_are_off_tell_nothing(cases):
     lost = Contingency("7", "6cyc", events=["4@1.3s"])
     found = estimate(cases("two_area").classical(), lost, 1.6, storage="50MW", record=False)

@@ -63,6 +63,7 @@ def test_ideal_measurements_change_nothing(base, idle, name):
     assert np.abs(true.speed.values - ideal.speed.values).max() < 5e-9  # 2e-9 bus angle, others 6e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "bound"),
     [("angles", 2e-5), ("deviation", 2e-5), ("flows", 4e-4), ("function", 2e-5), ("terminals", 1e-4)],
@@ -76,6 +77,7 @@ def test_kalman_filters_and_noise_change_little(base, idle, name, bound):
     assert 1e-9 < np.abs(runs[0] - true).max() < bound
 
 
+@pytest.mark.slow
 def test_nothing_moves_at_rest_without_noise(base):
     reads = ("deviation", "angle", "voltage", "bus_angle", "bus_frequency", "pe")
     for kind in reads:

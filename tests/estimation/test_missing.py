@@ -43,6 +43,7 @@ def test_parts_add_up_and_more_unknowns_than_reports_have_no_answer(points):
     assert network.computed(V, I, others, switching=simulation.switching, known=one) is None
 
 
+@pytest.mark.slow
 def test_with_machine_10_missing_claimed_and_true_spread_agree(points):
     """Without it in the sums: 5.3 mHz of bias, up to 37.6, with 7.3 claimed."""
     from stabctl import io

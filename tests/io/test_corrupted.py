@@ -62,6 +62,7 @@ def test_any_cells_load_or_give_one_sentence(workshop, table, where):
     attempt(path.parent)
 
 
+@pytest.mark.slow
 @given(table=st.sampled_from(TABLE_NAMES), column=PLACE, row=PLACE, value=NUMBERS)
 @example(table="buses.csv", column=0, row=0, value="9" * 400)
 @example(table="machines.csv", column=0, row=0, value="9" * 5000)

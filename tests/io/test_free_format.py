@@ -202,6 +202,7 @@ def files(draw):
     return text, found
 
 
+@pytest.mark.slow
 @given(files())
 @settings(max_examples=300)
 def test_a_dyr_file_in_any_free_format_has_the_same_records(tmp_path_factory, made):
@@ -209,6 +210,7 @@ def test_a_dyr_file_in_any_free_format_has_the_same_records(tmp_path_factory, ma
     assert records(tmp_path_factory.getbasetemp(), text) == found
 
 
+@pytest.mark.slow
 @given(st.data(), st.lists(st.one_of(QUOTED, st.just(("A1", "A1"))), min_size=1, max_size=4))
 @settings(max_examples=200)
 def test_a_raw_file_in_any_free_format_has_the_same_records_or_is_refused(tmp_path_factory, data, names):

@@ -230,6 +230,7 @@ def attempt(path):
         return str(error), None
 
 
+@pytest.mark.slow
 def test_damaged_files_are_read_or_refused_in_a_sentence(written):
     """500 files with characters, words and lines changed: never a traceback, and what is read is in balance."""
     rng, read = random.Random(48), 0

@@ -75,6 +75,7 @@ def test_criteria_shorten_clearing_times_and_say_why(base):
     assert "violated" not in free.pairs[0].df.columns
 
 
+@pytest.mark.slow
 def test_a_screen_and_a_single_search_give_the_same(base):
     for pair in base.screen(criteria="nerc-prc-024").pairs:
         alone = base.clearing_time(pair.contingency, criteria="nerc-prc-024")
@@ -161,6 +162,7 @@ def test_rated_voltages_that_are_missing_are_told(tmp_path):
         case.screen(criteria=ours)
 
 
+@pytest.mark.slow
 def test_a_fleet_keeps_the_criteria(base, tmp_path):
     """Rotors 150 degrees apart at most: the fleet is larger than one that only keeps synchronism."""
     ours = criteria(tmp_path, '[[angle]]\nname = "apart"\nseparation = "150deg"\n')
@@ -175,6 +177,7 @@ def test_a_fleet_keeps_the_criteria(base, tmp_path):
         assert run.judge(ours).kept == kept
 
 
+@pytest.mark.slow
 def test_the_commands(stabctl, tmp_path):
     code, out, _ = stabctl("screen", "two_area", "--criteria", "nerc-prc-024", "--json")
     pairs = json.loads(out)["pairs"]

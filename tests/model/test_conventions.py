@@ -77,6 +77,7 @@ def test_the_conventions_of_a_case_are_said():
     assert conventions.of(case.classical()) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "said"), [("psse", "psse (power as"), ("book", "andes or book (torque as")])
 def test_results_say_the_conventions(name, said, stabctl, tmp_path):
     """JSON and pages; a case whose machines have no choice says nothing."""

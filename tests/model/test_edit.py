@@ -40,6 +40,7 @@ def every_value(case):
 VALUES = list(every_value(replace(io.load("two_area").with_storage("50MW"), links=(Link("dc", 7, 9, 10.0),))))
 
 
+@pytest.mark.slow
 @given(st.sampled_from(VALUES), st.sampled_from(["0.5", "2", "-3", "0.07", "pq", "swing", "current", "x"]))
 @settings(max_examples=80)
 def test_setting_a_value_is_editing_its_cell(tmp_path_factory, place, text):

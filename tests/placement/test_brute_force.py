@@ -31,6 +31,7 @@ def test_the_grid_has_every_pair_and_triple_once(brute):
     assert set((fleets > 0).sum(axis=1)) == {2, 3}
 
 
+@pytest.mark.slow
 def test_survivors_are_those_that_survive_each_contingency(brute, cases, monkeypatch):
     monkeypatch.setattr(brute, "PARTS", 2)
     case, total = cases("ieee39").classical(), 300.0

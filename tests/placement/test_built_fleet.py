@@ -27,6 +27,7 @@ def three(tmp_path_factory):
     return st.load(folder)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cycles", [12.75, 13.0, 13.125])
 def test_critical_times_are_those_of_the_system_that_is_built(three, cycles):
     faults = [Contingency("2", trip="2-4"), Contingency("1"), Contingency("2", trip="2-3")]
@@ -39,6 +40,7 @@ def test_critical_times_are_those_of_the_system_that_is_built(three, cycles):
     assert min(times) >= cycles - 1e-9
 
 
+@pytest.mark.slow
 def test_another_search_repeats_critical_times_on_a_grid_with_the_required_one(three):
     """About an eighth of a cycle: 12.8 / 102."""
     wanted = Contingency("2", "12.8cyc", "2-4")

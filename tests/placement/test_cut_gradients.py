@@ -46,6 +46,7 @@ def _degrees(a, b):
     return np.rad2deg(np.arccos(a @ b / np.linalg.norm(a) / np.linalg.norm(b)))
 
 
+@pytest.mark.slow
 def test_the_cut_is_tight_at_the_boundary(trials, boundary, by_scaling):
     for k, (mw, d) in enumerate(zip(boundary, by_scaling, strict=True)):
         assert d @ mw == pytest.approx(1, abs=1e-12)
@@ -54,6 +55,7 @@ def test_the_cut_is_tight_at_the_boundary(trials, boundary, by_scaling):
         assert not all(trials.survives((1 - less) * mw, k) for less in (1e-4, 2e-4, 5e-4, 1e-3))
 
 
+@pytest.mark.slow
 def test_a_gradient_predicts_the_critical_scalings_of_other_fleets(trials, boundary, by_scaling):
     """Of a fleet s near the boundary: 1 / (d . s)."""
     rng = np.random.default_rng(0)

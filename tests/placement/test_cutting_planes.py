@@ -117,6 +117,7 @@ def test_nine_contingencies():
     _check_numbers(placed(STUDIES["nine, classical"]), "nine, classical", 3e-2)
 
 
+@pytest.mark.slow
 def test_six_contingencies(classical, six):
     _check_numbers(six, "six, classical", 1e-2)
     assert len(six.contingencies) == 6

@@ -18,6 +18,7 @@ def point():
     return operating_point.solve(case.with_storage(fleet.everywhere(case, "150MW")))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("most", [None, 1])
 @pytest.mark.parametrize("asked", ASKED, ids=lambda asked: f"{asked[0]} trip {asked[2]}")
 def test_no_single_device_is_smaller_than_what_is_found(point, asked, most):
@@ -30,6 +31,7 @@ def test_no_single_device_is_smaller_than_what_is_found(point, asked, most):
     assert 0 < found.total_mw <= 1.002 * alone
 
 
+@pytest.mark.slow
 def test_a_linear_allocation_is_scaled_from_any_multiple_that_survives(point):
     """8 trip 7-8: the largest multiple does not, 38 MW do."""
     bus, clear, trip = ASKED[0]

@@ -17,6 +17,7 @@ from stabctl.placement.siting import Costs
 from stabctl.simulation.contingency import Contingency
 
 
+@pytest.mark.slow
 def test_every_site_is_where_it_helps(both):
     assert {9} <= {s.machine for s in both.sites} <= {1, 6, 9}
     assert both.total_mw < both.uniform_mw
@@ -24,11 +25,13 @@ def test_every_site_is_where_it_helps(both):
     assert [row.target_cycles for row in both.contingencies] == pytest.approx([4.75, 9.5])
 
 
+@pytest.mark.slow
 def test_twice_the_same(case, both):
     again = study(case, NEAR_9, NEAR_6, workers=1)
     assert replace(again, wall_s=0.0) == replace(both, wall_s=0.0)
 
 
+@pytest.mark.slow
 def test_existing_storage_is_kept_and_costs_nothing(case, both):
     """What is there at bus 29 need not be built, and the fleet survives together with it."""
     (alone,) = study(case, NEAR_9, candidates=CANDIDATES[2:]).sites
@@ -60,11 +63,13 @@ def test_what_needs_no_storage_gets_none(case):
     assert "survives every contingency even without storage" in str(found)
 
 
+@pytest.mark.slow
 def test_too_few_sites(case):
     with pytest.raises(StudyError, match="No fleet with at most 1 site within the caps"):
         study(case, NEAR_9, NEAR_6, sites=1)
 
 
+@pytest.mark.slow
 def test_caps_are_kept(case):
     held = study(case, AT_16, cap="180MW")
     assert max(s.mw for s in held.sites) <= 180  # 204.7 where 30 % of the MVA are allowed
@@ -85,6 +90,7 @@ def test_the_uniform_fleet_has_one_percentage_at_every_site_up_to_its_cap(case):
     assert share in str(found)
 
 
+@pytest.mark.slow
 def test_some_caps_of_nothing(case):
     """A machine without dispatch has no room for storage then."""
     idle = tuple(m._replace(p=0.0) if m.machine == 6 else m for m in case.machines)
@@ -93,6 +99,7 @@ def test_some_caps_of_nothing(case):
     assert 6 not in {s.machine for s in found.sites}
 
 
+@pytest.mark.slow
 def test_the_bound_in_mw_is_that_of_what_a_mw_costs_where_it_is_built(case):
     """At the price of a site in place of that of the study; with other costs too there is none."""
     one = {"cap": 400.0, "machine": 9}
@@ -105,6 +112,7 @@ def test_the_bound_in_mw_is_that_of_what_a_mw_costs_where_it_is_built(case):
     assert of_site.cuts_mw is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [{"sites": 1}, {"costs": Costs(1.0, site=50.0)}, {"costs": Costs(1.0, mwh=1000.0)}])
 def test_what_is_found_without_a_limit_or_cost_is_found_with_it(cases, limit):
     """They ended at 114 MW of machine 4, and said that the cuts allow no less."""
@@ -115,6 +123,7 @@ def test_what_is_found_without_a_limit_or_cost_is_found_with_it(cases, limit):
     assert found.cuts_cost <= found.cost
 
 
+@pytest.mark.slow
 def test_dear_sites_are_fewer(case):
     cheap, dear = study(case, AT_16, AT_10), study(case, AT_16, AT_10, costs=Costs(site=200.0))
     assert (len(cheap.sites), len(dear.sites)) == (2, 1)
@@ -124,6 +133,7 @@ def test_dear_sites_are_fewer(case):
     assert dear.cuts_mw is None
 
 
+@pytest.mark.slow
 def test_energy_has_its_price(case, both):
     """The cost is that of the fleet and the energies in the result, not of the energies of another fleet."""
     dear = study(case, NEAR_9, NEAR_6, costs=Costs(mw=0.0, mwh=1e3))

@@ -29,6 +29,7 @@ def sized(case, **options):
     return st.place(case, [FAULT], candidates=SITE, observe=2.0, **options)
 
 
+@pytest.mark.slow
 def test_a_controller_that_gives_the_orders_is_in_place_of_the_law(case):
     """A steep gain is the sign of the deviation, as the bang-bang law without its thresholds: nearly its fleet."""
     steep, law = sized(case, control=gain(1e5, 120)), sized(case, control=st.BangBang(1e-9, 0.0))

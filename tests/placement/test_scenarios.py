@@ -76,6 +76,7 @@ def test_scenarios_are_every_combination():
     assert scenarios((NEAR_9,), 1) == (Scenario(NEAR_9),)
 
 
+@pytest.mark.slow
 def test_a_fleet_survives_at_every_operating_point(case, levels):
     found = {name: place(one, [NEAR_9], candidates=[(9, 29)], observe=2.0) for name, one in levels.items()}
     both = place(levels, [NEAR_9], candidates=[(9, 29)], observe=2.0)
@@ -88,6 +89,7 @@ def test_a_fleet_survives_at_every_operating_point(case, levels):
     assert all(survives(one, both.storage(), NEAR_9) for one in levels.values())
 
 
+@pytest.mark.slow
 def test_a_fleet_survives_without_any_one_device(case):
     places = [(9, 29), (9, 28)]
     found = place(case, [NEAR_9], candidates=places, outages=True, observe=2.0)
@@ -100,6 +102,7 @@ def test_a_fleet_survives_without_any_one_device(case):
     assert without.total_mw < 0.6 * found.total_mw
 
 
+@pytest.mark.slow
 def test_an_outage_that_no_other_device_makes_up_for_is_said(case):
     found = place(case, [NEAR_9], candidates=[(9, 29), (8, 25)], outages=True, observe=2.0)
     (missing,) = found.infeasible
@@ -108,6 +111,7 @@ def test_an_outage_that_no_other_device_makes_up_for_is_said(case):
     assert "No fleet within the caps was found that survives 29 trip 26-29, without 9@29." in found.remarks()[0]
 
 
+@pytest.mark.slow
 def test_outages_of_what_is_not_built_are_no_scenarios():
     """Also of a contingency that is lost with every fleet tried: its outages are those of the fleet."""
     case = st.load("wscc9").classical()
@@ -122,6 +126,7 @@ def test_outages_of_what_is_not_built_are_no_scenarios():
     assert f"scenarios of {len(found.contingencies) + len(found.infeasible)}," in found.remarks()[0]
 
 
+@pytest.mark.slow
 def test_an_existing_device_may_be_out_of_service_too(case, alone):
     own = case.with_storage({9: "60MW"})
     kept = place(own, [NEAR_9], candidates=[(9, 29)], observe=2.0)
@@ -142,6 +147,7 @@ def test_a_device_out_of_service_does_nothing_and_costs_no_second_run(case):
     assert trials.of(np.array([60.0, 0.0])).scenarios == (Scenario(NEAR_9), Scenario(NEAR_9, out=0))
 
 
+@pytest.mark.slow
 def test_the_trip_of_a_machine_is_survived_or_not(case):
     found = place(case, [NEAR_9, TRIP], candidates=[(9, 29)], observe=2.0)
     trip = next(c for c in found.contingencies if c.contingency == TRIP)
@@ -210,6 +216,7 @@ def test_a_bus_without_a_machine_follows_the_nearest_one(case):
     assert [c.machine for c in found[10:]] == [free.machines[i] for i in free.acceleration.argmin(axis=0)]
 
 
+@pytest.mark.slow
 def test_sizes_are_whole_modules(case, table):
     """The cheapest number of modules: one fewer does not survive."""
     found = place(case, [NEAR_9], candidates=table, observe=2.0)
@@ -221,6 +228,7 @@ def test_sizes_are_whole_modules(case, table):
     assert not survives(case, [s._replace(rating=s.rating - 12.5) for s in found.storage()], NEAR_9)
 
 
+@pytest.mark.slow
 def test_the_command(stabctl, table, tmp_path):
     file = tmp_path / "faults.toml"
     file.write_text('[[contingency]]\nfault = "29"\ntrip = "26-29"\nclear = "4.7cyc"\n')
@@ -234,6 +242,7 @@ def test_the_command(stabctl, table, tmp_path):
     assert all(s["mw"] % 12.5 == 0 for s in record["sites"] if s["bus"] == 29)
 
 
+@pytest.mark.slow
 def test_the_prices_of_the_command(stabctl, tmp_path):
     """Each goes to what it is the price of."""
     file = tmp_path / "fault.toml"

@@ -22,6 +22,7 @@ from stabctl.view.pages import siting_page
 KEYS = {"sites", "total_mw", "uniform_mw", "cuts_mw", "contingencies", "simulations", "wall_s"}
 
 
+@pytest.mark.slow
 def test_what_no_fleet_cures_is_left_out_and_said(case):
     found = study(case, NEAR_9, HOPELESS)
     assert [row.contingency for row in found.contingencies] == [NEAR_9]
@@ -37,6 +38,7 @@ def test_what_no_fleet_cures_is_left_out_and_said(case):
     assert found.clearing_times.target_cycles.tolist() == pytest.approx([4.75, 30.0])
 
 
+@pytest.mark.slow
 def test_a_command_that_leaves_one_out_ends_with_1(stabctl, tmp_path):
     file = tmp_path / "two.toml"
     rows = (f'[[contingency]]\nfault = "29"\ntrip = "26-29"\nclear = "{t}"\n' for t in ("3cyc", "30cyc"))
@@ -115,6 +117,7 @@ def test_a_fleet_that_is_lost_later_says_so():
     assert "The swings after 7 trip 7-8 grow within the 4 s observed; with a longer observation window," in said
 
 
+@pytest.mark.slow
 def test_a_fleet_that_is_lost_with_half_the_step_says_so(both):
     """Also where a larger fleet survives."""
     rows = (Evidence(1.0, (), (True, False), refined=True), Evidence(1.1, (), (True, True), scale=1.0526, refined=True))
@@ -129,6 +132,7 @@ def test_a_contingency_that_is_always_unstable_has_no_margin(both):
     assert replace(both, contingencies=(lost,)).clearing_times.margin_cycles.isna().all()
 
 
+@pytest.mark.slow
 def test_what_is_stable_up_to_the_limit_has_no_critical_time():
     """As a clearing time with the fleet says, and a margin there is none."""
     case = st.load("wscc9").classical()
@@ -163,6 +167,7 @@ def test_the_clearing_time_of_a_hopeless_fault_is_that_with_the_existing_devices
         assert float(said[2]) == pytest.approx(alone.cycles, abs=0.126)  # 0 and 0
 
 
+@pytest.mark.slow
 def test_the_mva_of_converters_and_the_largest_current_are_those_of_the_fleet(case):
     """The current limit is reached where the voltage is low, and not with MVA for the gate of the law."""
     equal, more = (
@@ -193,6 +198,7 @@ def test_what_the_fleet_does_under_another_controller_is_said(both, survived, sa
     assert "window" not in said
 
 
+@pytest.mark.slow
 def test_json(stabctl, tmp_path):
     file = tmp_path / "one.toml"
     file.write_text('[[contingency]]\nfault = "29"\ntrip = "26-29"\nclear = "4.75cyc"\n')

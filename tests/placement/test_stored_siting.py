@@ -31,6 +31,7 @@ def finished(folder):
     return {row["key"]: (row["what"], row["finished"]) for row in rows(folder / "place.db", FLEET)}
 
 
+@pytest.mark.slow
 def test_an_interrupted_study_continues(study, undisturbed, tmp_path):
     def interrupt(runs, _cost):
         if runs > undisturbed.simulations / 2:

@@ -46,6 +46,7 @@ def survived(case, found, changed, multiple):
     return tuple(run.outcome.stable for run in runs)
 
 
+@pytest.mark.slow
 def test_a_fleet_that_one_larger_device_spoils_says_so(case, given):
     """Machine 6 with 10 % more loses what the smaller fleet survives."""
     rows = {(row.site, row.scale): row for row in given.evidence if row.site}
@@ -62,6 +63,7 @@ def test_a_fleet_that_one_larger_device_spoils_says_so(case, given):
     assert given.tolerance is None
 
 
+@pytest.mark.slow
 def test_with_the_tolerance_required_every_changed_fleet_survives(case, given, held):
     assert held.tolerance == 0.1
     assert held.total_mw > given.total_mw
@@ -97,6 +99,7 @@ def test_what_is_lost_is_looked_for_on_both_sides(monkeypatch):
     assert sorted(tried) == sorted((s, row, a) for s in ("one", "other") for row in (0, 2) for a in (0.9, 1.1))
 
 
+@pytest.mark.slow
 def test_a_tolerance_that_nothing_holds_is_an_error_not_a_claim(case):
     """The device needs 44.5 MW of the 48 that are allowed, so 10 % less cannot be made up for."""
     options = {"candidates": [(9, 29)], "cap": "48MW", "observe": 2.0}
@@ -106,6 +109,7 @@ def test_a_tolerance_that_nothing_holds_is_an_error_not_a_claim(case):
         place(case, [near], tolerance=0.1, **options)
 
 
+@pytest.mark.slow
 def test_a_small_tolerance_costs_little(case):
     options = {"candidates": [(9, 29)], "observe": 2.0}
     alone = place(case, [NEAR_9], **options).total_mw
@@ -123,6 +127,7 @@ def test_a_tolerance_is_a_share(case, wrong):
         place(case, [NEAR_9], tolerance=wrong)
 
 
+@pytest.mark.slow
 def test_the_command(stabctl, tmp_path):
     file = tmp_path / "faults.toml"
     file.write_text('[[contingency]]\nfault = "29"\ntrip = "26-29"\nclear = "4.75cyc"\n')

@@ -67,12 +67,14 @@ def _placed(dc, **options):
     return found.total_mw
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dc", [1.75, 1.9])
 def test_the_least_size_that_keeps_the_peak_below_the_unstable_angle(dc):
     below = Criterion(max_angle=(UNSTABLE - D0) * SHARE)  # of machine 1 against the COI
     assert abs(_placed(dc, step=1 / 1920, criterion=below) / _power(dc, UNSTABLE) - 1) < 1e-3  # -1.2e-4, 3.0e-4
 
 
+@pytest.mark.slow
 def test_beyond_it_the_law_holds_the_machine_as_far_as_its_power_reaches():
     """Without deadband the device keeps the machine standing, up to the peak of Pm - b sin(peak) = P M / M1."""
     dc = 1.75

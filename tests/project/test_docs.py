@@ -33,7 +33,10 @@ ROOT = Path(__file__).resolve().parents[2]
 GENERATED = {"docs/models.md"}
 WRITTEN = sorted(p for p in (ROOT / "docs").glob("*.md") if f"docs/{p.name}" not in GENERATED)
 PAGES = [*(ROOT / f"{name}.md" for name in ("README", "CHANGELOG", "CONTRIBUTING")), *WRITTEN]
-LONG = {"tutorial", "placement", "estimation", "sweeps", "tuning", "screening"}  # pages whose code runs for 4 to 27 s
+LONG = {  # pages whose code runs for 2 to 27 s
+    "tutorial", "tutorial-damping", "placement", "estimation", "sweeps", "tuning", "screening", "study",
+    "contingencies", "storage-and-control", "design", "optimum", "extending", "theory",
+}  # fmt: skip
 each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 each_page_by_length = pytest.mark.parametrize(
     "page",

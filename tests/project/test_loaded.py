@@ -33,6 +33,7 @@ def loaded(*words):
     return {name for name in libraries.split() if not name.startswith("_")} - {"stabctl"}, set(devices.split()) - {"-"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "libraries", "devices"),
     [
@@ -57,6 +58,7 @@ def test_a_command_loads_what_it_needs(words, libraries, devices):
     assert found[1] == devices
 
 
+@pytest.mark.slow
 def test_without_numba_and_machine_code_it_says_what_is_missing(tmp_path):
     code = "import sys; sys.modules['numba'] = None; from stabctl.__main__ import main; main()"
     where = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}

@@ -90,7 +90,7 @@ def washed(gain, machine, bus, delay):
     )
 
 
-@recorded("margins of continuous controllers", loose=1e-4)
+@recorded("margins of continuous controllers", slow=True, loose=1e-4)
 def _():
     base = st.load("two_area").initialize(storage="1=40MW,4=30MW")
     two = base.margins(washed(7000, 1, 5, "35ms"), washed(3100, 4, 10, 0.0))

@@ -33,7 +33,7 @@ def _():
     return found | {word: refused(lambda _, word=word: categories(case, word), None) for word in wrong}
 
 
-@recorded("power is shifted", loose=1e-4)
+@recorded("power is shifted", slow=True, loose=1e-4)
 def _():
     point, search, found = second_point(), Search(1.0, 100.0, 2.0), {}
     lost = [

@@ -84,6 +84,7 @@ def test_a_page_without_studies_is_a_page(tmp_path):
     assert "Summary" in page([], tmp_path, ABOUT)
 
 
+@pytest.mark.slow
 def test_in_a_browser(whole, tmp_path, browse):
     path = tmp_path / "index.html"
     path.write_text(whole, encoding="utf-8")

@@ -58,6 +58,7 @@ def reproduce(tmp_path):
     return go
 
 
+@pytest.mark.slow
 def test_studies_that_fail_are_sentences_on_the_page(reproduce):
     scripts = {
         "good.py": GOOD.format(n="one", line=""),
@@ -80,6 +81,7 @@ def test_studies_that_fail_are_sentences_on_the_page(reproduce):
         assert sentence in page
 
 
+@pytest.mark.slow
 def test_long_studies_wait_for_full_and_old_records_do_not_stand_in(reproduce, tmp_path):
     scripts = {"a.py": GOOD.format(n="one", line=""), "b.py": GOOD.format(n="two", line="FULL = True")}
     code, _, page = reproduce(scripts)
@@ -96,6 +98,7 @@ def test_long_studies_wait_for_full_and_old_records_do_not_stand_in(reproduce, t
     assert "Words of one." not in page
 
 
+@pytest.mark.slow
 def test_a_long_study_says_how_far_it_is_and_continues_where_it_failed(reproduce, tmp_path):
     code, out, page = reproduce({"long.py": LONG})
     assert code == 1

@@ -35,6 +35,7 @@ def test_every_study_finds_what_it_imports(file, monkeypatch):
     assert callable(study(file.stem, file.parent))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "pictures", "differ"), [("omib", 3, 1), ("feedback", 1, 1), ("minimum_time", 3, 0), ("law", 0, 0)]
 )

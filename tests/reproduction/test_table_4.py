@@ -25,6 +25,7 @@ def test_constant_conductance_with_50_ms_gives_it_and_the_others_do_not(characte
     assert all(cycles == 1 for cycles in wrong)
 
 
+@pytest.mark.slow
 def test_the_page_prints_our_table():
     """Whole cycles, eighths, and the gains of both."""
     page = Path(__file__).parents[2] / "docs/paper.md"

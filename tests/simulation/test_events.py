@@ -272,6 +272,7 @@ class TestImpossibleEvents:
         assert [round(c.at, 9) for c in found.happened.changes] == [0.0, 0.1, 0.3, 0.35]
         assert [bool(c.switching.faults) for c in found.happened.changes] == [False, True, True, False]
 
+    @pytest.mark.slow
     @given(st.text(max_size=12) | st.from_regex(r"[0-9]{1,3}(-[0-9]{1,3}(#[0-9]{1,3})?(@[0-9.e+-]{1,6})?)?"))
     def test_any_text_names_a_place_or_is_refused_in_one_sentence(self, two_area, text):
         try:

@@ -12,6 +12,7 @@ def runs(tmp_path_factory):
     return experiment("interrupted", tmp_path_factory.mktemp("interrupted"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("control", ["bang-bang", "feedback", "sampled", "gate", "frames"])
 def test_a_run_interrupted_at_every_stage_is_the_same_to_the_last_bit(runs, control):
     """Each call asks the caller for the voltages once; what has acted in a step does not act again."""
@@ -32,6 +33,7 @@ def angles(tmp_path_factory):
     return experiment("orders", tmp_path_factory.mktemp("orders"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "order"), [("rk4", 4), ("heun", 2)])
 def test_another_table_is_another_method_with_its_own_order(angles, method, order):
     """Half the step leaves 2**-order of the error: 3.87 and 1.99, against steps of 1/1280 s."""

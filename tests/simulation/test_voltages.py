@@ -98,6 +98,7 @@ class TestNewtonFallback:
     def test_families_with_a_loop_of_their_own_exist_for_complex_numbers(self, device):
         assert _codegen.address(device.__name__.rpartition(".")[2], of(device), complex) is not None
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("method", ["keep", "descend", "creep", "newton"])
     def test_it_agrees_with_scipy_on_the_same_equations(self, cases, weakened, method):
         """Sources weakened, so that one load and then both fall below their thresholds.

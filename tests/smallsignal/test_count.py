@@ -178,6 +178,7 @@ def test_phases_between_points_are_within_their_bounds(point, name, most):
             assert start.slack(r).max() <= 1.5 + 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("always", [True, False])
 def test_a_mode_withheld_is_noticed(point, modes, monkeypatch, always):
     """A search that loses a mode: found later, the result is complete; otherwise the place is named."""

@@ -36,6 +36,7 @@ def washouts(base, gain, delay, kind="deviation"):
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gain", "delay"), [(5, 0.85), (20, 0.7), (20, 0.85), (50, 0.55)])
 def test_deviations_of_all_machines_do_not_make_the_matrix_singular(bases, gain, delay):
     base = bases("two_area")

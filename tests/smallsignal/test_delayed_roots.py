@@ -203,6 +203,7 @@ def test_a_direct_path_bounds_the_growing_roots_only_below_1(d):
         assert found.growing is None
 
 
+@pytest.mark.slow
 def test_what_rounding_hides_is_not_claimed():
     """Two equal outputs with 10 s of delay: one part of 1 - E H is exactly 1, beside numbers of exp(600)."""
     one, none = np.ones((2, 1)), np.zeros((2, 2))

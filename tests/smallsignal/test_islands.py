@@ -110,6 +110,7 @@ def test_the_loop_of_a_run_is_the_same(points):
     assert fastest[0] == pytest.approx(max(fastest[1:]), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_margins_are_those_of_its_island(points):
     one = st.Controller(("deviation:1",), ("order:1",), *NONE, [[20.0]])
     if (points[2].modes().eigenvalues.real > 1e-6).any():

@@ -40,6 +40,7 @@ def test_a_gain_around_an_output_that_the_input_reaches_at_once(point):
         feedback_locus(model, 0, 0, [0.0, 1 / d])
 
 
+@pytest.mark.slow
 def test_branches_do_not_jump(point):
     model = linearize(point("two_area"), ["storage:5"], ["speed:1"])
     coarse = feedback_locus(model, 0, 0, np.linspace(0, 40, 11))

@@ -53,6 +53,7 @@ LOOPS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(LOOPS))
 def test_the_margins_are_those_of_python_control(base, name):
     controllers = LOOPS[name]()
@@ -242,6 +243,7 @@ def test_which_loops_have_a_gain(base):
     assert rates.df.empty
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law",
     [
@@ -258,6 +260,7 @@ def test_a_law_has_the_margins_of_its_controllers(cases, law):
     assert min(loop.disk for loop in found.loops) < 1.9  # 1.14
 
 
+@pytest.mark.slow
 def test_a_relay_has_the_margins_of_no_gain_and_limit_cycles_of_a_law(cases):
     base = cases("two_area").initialize(storage="200MW")
     relay = st.BangBang(deadband=1e-3).sampled(60, "400ms")

@@ -70,6 +70,7 @@ def test_rates_that_do_not_divide_each_other_are_delayed_by_their_common_period(
         assert loop.modes().stable is stable
 
 
+@pytest.mark.slow
 def test_an_undamped_system_has_margins(cases):
     base = cases("two_area").classical().initialize(storage="50MW")
     law = st.Controller("deviation:1", "order:1@5", [], [], [], [[10.0]])

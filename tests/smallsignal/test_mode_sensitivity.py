@@ -57,6 +57,7 @@ def test_derivatives_of_packaged_cases(point, name):
     assert agrees(point(name), rows=6) >= 10
 
 
+@pytest.mark.slow
 def test_derivatives_of_a_larger_case(point):
     assert agrees(point("ieee39"), rows=3) >= 10
 

@@ -42,6 +42,7 @@ def test_all_modes_give_the_whole_model(whole):
     assert np.abs(_response(same, s) - full).max() < 1e-9 * np.abs(full).max()  # 2e-13
 
 
+@pytest.mark.slow
 def test_balanced_reduction_meets_its_bound(whole):
     small = balanced(whole, 30)
     assert len(small.states) == 30
@@ -70,6 +71,7 @@ def test_repeated_eigenvalues_leave_the_bound(order):
     assert worst < 2 * small.hankel[order - 1 :].sum()  # 0.24 to 0.53 of it
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_eigenvalues_that_repeat_in_any_way(whole, seed):
     """Several groups, some of them in Jordan blocks, real and complex, beside others; singular values by SciPy."""
@@ -95,6 +97,7 @@ def test_eigenvalues_that_repeat_in_any_way(whole, seed):
     assert worst < 2 * small.hankel[10:].sum()
 
 
+@pytest.mark.slow
 def test_hankel_singular_values_are_those_of_scipys_gramians(whole):
     """Of the model without its angle reference, from Lyapunov equations solved by SciPy."""
     rest = modal(whole, np.flatnonzero(np.abs(whole.eigenvalues) > 1e-6), static=False)

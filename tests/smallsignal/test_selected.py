@@ -25,6 +25,7 @@ def matched(few, every, band, damping):
     return [inside[int(np.abs(every.eigenvalues[inside] - s).argmin())] for s in few.eigenvalues]
 
 
+@pytest.mark.slow
 def test_every_electromechanical_mode_is_found(sparse, modes):
     every = modes("wnaps")
     places = matched(sparse, every, sparse.band, sparse.damping)

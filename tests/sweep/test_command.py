@@ -31,6 +31,7 @@ def test_table_4_of_the_paper(stabctl, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_a_sweep_continues_and_reports_errors(stabctl, write, tmp_path):
     study, out = (
         write(PAIR + 'until_s = 1.5\nestimator = "kalman"\n[[job]]\n[[job]]\ncase = "wscc9"\nmachines = "full"'),

@@ -65,6 +65,7 @@ def test_supercapacitors_have_the_energy_of_their_key(results, cases):
     assert rows[0].energy_mwh < 0.9 * rows[1].energy_mwh
 
 
+@pytest.mark.slow
 def test_a_simulation_under_an_estimator_is_that_of_the_call(results, cases):
     ideal, kalman, alone = results(
         SIMULATE + '[[job]]\nstorage = "50MW"\n[[job]]\nstorage = "50MW"\nestimator = "kalman"\nseed = 4\n'
@@ -95,6 +96,7 @@ def test_the_energy_of_a_row_is_the_integral_of_the_power(results, cases):
     assert result.energy_mwh == pytest.approx(np.ptp(run.arrays.energy, axis=0).sum(), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_seed_of_a_job_is_that_of_its_noise(results, cases):
     """Rows of several seeds differ, and each is that of the call with its seed."""
     noisy = (

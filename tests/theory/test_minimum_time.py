@@ -49,6 +49,7 @@ def time_with_one_switch(p, at):
     return run.t[-1] if run.status == 1 and run.y[0, -1] <= p.limit else math.inf
 
 
+@pytest.mark.slow
 @given(problems(-2.5))
 @example(replace(TABLE2, x1=-1.53125, x2=0.5, Pm=0.072265625, Pc_min=0.0, Pc_max=0.0))
 @settings(max_examples=6, deadline=None)
@@ -70,6 +71,7 @@ def test_shooting_fulfils_the_minimum_principle_and_is_never_beaten(p):
         assert found.duration <= time_with_one_switch(p, at) * (1 + 1e-8)
 
 
+@pytest.mark.slow
 @given(problems(-math.pi / 2))
 @settings(max_examples=6, deadline=None)
 def test_collocation_agrees_with_shooting(p):
@@ -89,6 +91,7 @@ def test_of_two_extremals_shooting_takes_the_shorter_one():
     assert best.duration < 0.95 * near.duration
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("p", [TABLE2, SWITCHED, AT_LIMIT])
 def test_a_mirrored_machine_has_the_mirrored_control(p):
     one, other = by_shooting(p), by_shooting(p.mirrored())
@@ -160,6 +163,7 @@ def test_a_switch_is_found_where_it_is_optimal(p, switch):
         assert found.lambda1[-1] > 0
 
 
+@pytest.mark.slow
 def test_convex_program_finds_the_same_time_and_switch():
     for p in (TABLE2, SWITCHED):
         found = by_shooting(p)

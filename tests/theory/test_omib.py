@@ -27,6 +27,7 @@ def machines(draw, faults=False):
     return OMIB(H, Pm, X, Xpost=Xpost, Xfault=Xfault, Pfault=Pfault)
 
 
+@pytest.mark.slow
 @given(machines(faults=True), st.floats(0, 1))
 @settings(max_examples=20, deadline=None)
 def test_energy_is_conserved_after_clearing(m, part):
@@ -76,6 +77,7 @@ def test_the_machine_stops_where_the_areas_are_equal(m, part, power):
     assert run.y[0, -1] == pytest.approx(area.stop, abs=1e-6)
 
 
+@pytest.mark.slow
 @given(machines(faults=True), st.floats(0, 2))
 @settings(max_examples=10, deadline=None)
 def test_simulated_critical_time_is_the_equal_area_one(m, power):

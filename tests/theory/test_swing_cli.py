@@ -38,6 +38,7 @@ def test_json_has_exactly_its_keys():
     assert all(law["stable"] is True for law in laws)
 
 
+@pytest.mark.slow
 def test_options_reach_the_model():
     assert record("equal-area", "--H", "12")["critical_time_s"] == pytest.approx(2 * 0.2437528, rel=1e-6)
     assert record("equal-area", "--Pc", "0.2")["critical_time_s"] > 0.2438
@@ -95,6 +96,7 @@ def test_help_imports_nothing_heavy():
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
+@pytest.mark.slow
 def test_gains_that_throw_the_machine_out_of_range_are_told():
     """With a negative gain the speed grows as exp(-Kv t / (M + Ka)), by a thousand at most."""
     assert not record("feedback", "--Kv", "-0.015")["laws"][1]["stable"]

@@ -63,6 +63,7 @@ def test_the_check_sees_labels_that_overlap_or_reach_out():
     assert crowded(figure) == [("a label", "a label"), "a label"]
 
 
+@pytest.mark.slow
 def test_simulations(runs):
     bare, held = runs.values()
     drawn = [trajectory.plot(held, signal) for signal in QUANTITIES]
@@ -174,6 +175,7 @@ def test_screen(points, cases):
     assert crowded(clearing.plot_screen(found.below("0.1cyc"))) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["two_area", "ieee39", "wnaps", "two_area_thyristor"])
 def test_modes(name, points):
     found = analyze(linearize(points(name)))
@@ -202,6 +204,7 @@ def test_numbers_around_a_mode_shape_keep_their_distance():
     assert around == sorted(around)
 
 
+@pytest.mark.slow
 def test_theory():
     pair = Equivalent()
     laws = compare(OMIB())
@@ -212,6 +215,7 @@ def test_theory():
         by_shooting(pair.minimum_time_problem(10)).plot()
 
 
+@pytest.mark.slow
 def test_estimates(runs):
     point = runs["with 50 MW storage"].point
     found = estimate(point, Contingency("7", "6cyc", "7-8"), 1.5, seeds=range(1, 3))

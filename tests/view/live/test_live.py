@@ -249,6 +249,7 @@ def test_files_of_controllers_act_in_every_run(cases, tmp_path, capsys, monkeypa
     assert json.loads(capsys.readouterr().out)["message"] == head["runs"][""]["message"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["two_area", "ieee39"])
 def test_the_page_opens_one_cycle_beyond_the_limit_of_a_bad_fault(cases, name):
     points = Points(cases(name))

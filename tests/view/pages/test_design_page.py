@@ -21,6 +21,7 @@ def found(cases):
     return evidence(pss(outages(cases("two_area_thyristor")), damping=0.13), ["7-8@0.4"])
 
 
+@pytest.mark.slow
 def test_in_a_browser(found, tmp_path, browse):
     path = tmp_path / "design.html"
     path.write_text(design_page.page(found).html(), encoding="utf-8")
@@ -32,6 +33,7 @@ def test_in_a_browser(found, tmp_path, browse):
         assert {key: seen[key] for key in wrong} == {key: [] for key in wrong}
 
 
+@pytest.mark.slow
 def test_the_page_says_what_was_found(found):
     page = design_page.page(found).html()
     design = found.design
@@ -64,12 +66,14 @@ def test_margins_and_controllers_are_shown_in_milliseconds(found):
     assert "-0.05 to 0.05" in shown
 
 
+@pytest.mark.slow
 def test_labels_stand_apart(found):
     for draw in (figures.locus, figures.bode, figures.steps, figures.own_steps):
         assert crowded(draw(found)) == []
     assert crowded(found.design.plot()) == []
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_page(stabctl, tmp_path):
     code, text, _ = stabctl("design", "pss", "two_area_thyristor", "--damping", "0.13", "--report", tmp_path)
     assert code == 0

@@ -82,6 +82,7 @@ def test_the_page_says_what_the_record_holds(design, tmp_path):
     assert not re.search(r'(src|href)="(?!#)', page)
 
 
+@pytest.mark.slow
 def test_the_page_in_a_browser(design, tmp_path, browse):
     page = law_page.write(design, tmp_path)
     for width, dark in ((390, True), (1280, False)):

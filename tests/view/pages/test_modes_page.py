@@ -12,6 +12,7 @@ from stabctl.smallsignal import analyze, areas, linearize
 from stabctl.view.pages import modes_page
 
 
+@pytest.mark.slow
 def test_in_a_browser(points, tmp_path, browse):
     modes = analyze(linearize(points("two_area")))
     page = modes_page.write(tmp_path, modes, areas(modes), (0.1, 2.5))

@@ -94,6 +94,7 @@ def test_no_other_script_runs(chromium, tmp_path):
     assert page.title() == "unchanged"
 
 
+@pytest.mark.slow
 def test_every_mark_of_a_figure_has_its_own_name():
     found = st.load("wnaps").initialize().modes()
     case = found.linear.point.case
@@ -112,6 +113,7 @@ def test_names_are_text_even_if_they_look_like_elements():
     assert svg(ax, "a figure").count("<title>&lt;b&gt;&amp;one</title>") == 1
 
 
+@pytest.mark.slow
 def test_a_diagram_of_another_system_is_refused(found):
     with pytest.raises(StudyError, match="cannot be drawn on a one-line diagram"):
         one_line.plot(found.linear.point, 7)

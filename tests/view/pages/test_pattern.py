@@ -97,6 +97,7 @@ def test_events_are_told(base, tmp_path):
     assert cells(page, "Machines")[2][-1] == "0.200"
 
 
+@pytest.mark.slow
 def test_the_breaker_that_opens_is_told(base):
     """One end, the other one later, or both at once; a contingency names the end, too."""
 
@@ -111,6 +112,7 @@ def test_the_breaker_that_opens_is_told(base):
     assert str(st.Contingency(events=opened[1:])) == "opening of 8-9 at bus 8 at 0.2 s, opening of 8-9#2 at 0.3 s"
 
 
+@pytest.mark.slow
 def test_the_pages_of_network_and_search_have_their_numbers(base, tmp_path):
     flow = base.power_flow()
     page = flow.report(tmp_path).read_text("utf-8")
@@ -126,6 +128,7 @@ def test_the_pages_of_network_and_search_have_their_numbers(base, tmp_path):
     assert [float(row[1]) for row in cells(page, "Buses")] == pytest.approx(power.mva, abs=0.06)
 
 
+@pytest.mark.slow
 def test_pages_of_estimates_and_imports(base, tmp_path, monkeypatch):
     found = base.estimate(st.Contingency("7", clear="6cyc"), "2s", storage="50MW", seeds=3)
     page = found.report(tmp_path).read_text("utf-8")

@@ -34,6 +34,7 @@ def test_a_screen_of_another_system_has_no_place_on_the_diagram(screened, tmp_pa
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_the_page_in_a_browser(screened, tmp_path, browse):
     base, found = screened
     path = found.report(tmp_path, base=base)

@@ -143,6 +143,7 @@ def test_the_page_needs_no_network_and_holds_its_figures(siting, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["some_place.html"]
 
 
+@pytest.mark.slow
 def test_the_page_in_a_browser(siting, tmp_path, browse):
     wrong = "beyond", "overlapping", "broken", "unnamed", "dead", "fetched", "console"
     page = siting_page.write(siting, tmp_path)
