@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TOLERANCE = 1e-8  # MVA   largest power mismatch (1e-10 pu on 100 MVA)
+CURRENT_TOLERANCE = 1e-4  # pu   largest current mismatch; where a voltage goes to 0, the power V I* does, too
+LOW = 0.8  # pu   lowest voltage of a solution below which other starts are tried: there may be one above it
 KEPT = 4  # sparsities of Jacobians, of the latest systems
 SYMMETRIC: dict[str, Any] = {  # of SuperLU: pivots on the diagonal if they are large enough, columns one by one
     "diag_pivot_thresh": 0.01,
@@ -128,7 +130,11 @@ class PowerFlow:
 
 
 def solve(case: Case, limit: int = 30) -> PowerFlow:
-    """Solve the power flow of a case, starting from the voltages in its bus table or, if that fails, from a flat start.
+    """Solve the power flow of a case.
+
+    Newton's method starts from the voltages of the bus table. If it fails or leads to a voltage below 0.8 pu, it starts
+    again from 1 pu at pq buses and the angles of a DC power flow (B. Stott, J. Jardim, O. Alsac, 2009), first without
+    the powers. Of several solutions, the one whose lowest voltage is highest is taken.
 
     Parameters
     ----------
@@ -164,24 +170,33 @@ def solve(case: Case, limit: int = 30) -> PowerFlow:
     kind = np.array([b.kind for b in case.buses])
     equations = Equations(Y, produced, drawn, np.flatnonzero(kind != "swing"), np.flatnonzero(kind == "pq"))
     size, angle = np.array([b.v for b in case.buses]), np.deg2rad([b.angle for b in case.buses])
-    try:
-        V, iterations = newton_power_flow(case, equations, size, angle, limit)
-    except PowerFlowError as as_given:
+    flat, turned = np.where(kind == "pq", 1.0, size), np.where(kind == "swing", angle, 0.0)
+    power = (produced - drawn.at(flat)).real
+    starts = chain([(size, angle)], ((flat, _dc_angles(net, equations.p, turned, p)) for p in (0 * power, power)))
+    found, failed = [], []
+    for start in starts:
         try:
-            flat = np.where(kind == "pq", 1.0, size), _swing_angles(net, kind, angle)
-            V, iterations = newton_power_flow(case, equations, *flat, limit)
-        except PowerFlowError:
-            raise as_given from None
-    injected = V * (Y @ V).conj() + drawn.at(np.abs(V))
-    return PowerFlow(case, V, _shared(case, net.machine_bus, injected), iterations)
+            found.append(newton_power_flow(case, equations, *start, limit))
+        except PowerFlowError as error:
+            failed.append(error)
+        else:
+            if np.abs(found[-1][0]).min() >= LOW:
+                break
+    if not found:
+        raise failed[0]
+    V, iterations = max(found, key=lambda one: np.abs(one[0]).min())
+    return PowerFlow(case, V, _shared(case, net.machine_bus, V * (Y @ V).conj() + drawn.at(np.abs(V))), iterations)
 
 
-def _swing_angles(net: network.Network, kind: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """The angle (buses, rad) of the swing bus of the island of every bus."""
-    island, swing = network.islands(net), np.flatnonzero(kind == "swing")
-    of_island = np.zeros(island.max() + 1)
-    of_island[island[swing]] = angle[swing]
-    return of_island[island]
+def _dc_angles(net: network.Network, free: np.ndarray, angle: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Angles (buses, rad) of a DC power flow of powers p (buses, pu); those of the buses in rows `free` are unknown."""
+    n, b, shift = len(p), 1 / np.abs(net.z), np.angle(net.ratio)
+    ends = np.concatenate([net.frm, net.to, net.frm, net.to]), np.concatenate([net.frm, net.to, net.to, net.frm])
+    B = sp.csc_matrix((np.concatenate([b, b, -b, -b]), ends), shape=(n, n))
+    flow = p + np.bincount(net.frm, b * shift, n) - np.bincount(net.to, b * shift, n) - B @ angle
+    found = angle.copy()
+    found[free] = splu(B[free][:, free]).solve(flow[free])
+    return found
 
 
 def _shared(case: Case, machine_bus: np.ndarray, injected: np.ndarray) -> np.ndarray:
@@ -341,7 +356,10 @@ def newton_power_flow(
     with np.errstate(all="ignore"):
         now, iteration = equations.at(size, angle), 0
         for iteration in range(limit + 1):
-            if now.worst < TOLERANCE / case.base_mva:
+            if (
+                now.worst < TOLERANCE / case.base_mva
+                and (equations.per_bus(now.F) / now.size).max() < CURRENT_TOLERANCE
+            ):
                 return now.V, iteration
             if now.worst == np.inf:
                 break

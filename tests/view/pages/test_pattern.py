@@ -178,7 +178,7 @@ COLORS = ("dark", 'axe.run(document, {runOnly: ["color-contrast", "link-in-text-
 
 @pytest.mark.slow
 def test_no_finding_of_axe(written):
-    """Nothing serious or critical on a phone and on a wide screen, nor in dark colors; nothing too wide, nor in print."""
+    """Nothing serious or critical at two widths, nor in dark colors; nothing too wide, nor in print."""
     found, wide = {}, []
     with browser() as chromium:
         for width, checks in ((390, (COLORS, ALL)), (768, ()), (1280, (ALL,))):
