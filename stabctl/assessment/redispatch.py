@@ -98,7 +98,7 @@ def redispatch(
     later = [simulated(other, *one).ahead for other in tried for one in wanted]
     if not any(one.ahead.any() for one in every):
         times = f"{lost[0].label}: {wanted[0][1] * grid:g} cycles"
-        raise StudyError(f"With these clearing times ({times}) no machines lose synchronism, so none can yield power.")
+        raise StudyError(f"With these clearing times ({times}) no machines lose synchronism, so none gives up power.")
     left = [one for one in every if one.stable or _can_shift(point, one.ahead)]
     if all(one.stable for one in left):
         first = next(one.ahead for one in every if one.ahead.any())
