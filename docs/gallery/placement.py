@@ -1,4 +1,4 @@
-"""A fleet of storage that survives two line faults, beside the uniform one."""
+"""A fleet of storage that survives a line fault, beside the uniform one."""
 
 import stabctl as st
 

@@ -22,7 +22,7 @@ SHARE = Interval(ge=0, le=1)
 RATIO = Interval(ge=0.01, le=100)
 FROM_CASE = "filled from the case, not a column"
 _SUFFIX = {"-": "", "MW/s": "_mw_per_s", "pu/s": "_pu_per_s"}
-_NOUNS: dict[type, str] = {int: "a whole number", float: "a number", str: "text"}
+_NOUNS: dict[type, str] = {int: "a whole number", float: "a number", str: "text", bool: "True or False"}
 _WORDS = {"ge": "of at least {:g}", "gt": "above {:g}", "le": "of at most {:g}", "lt": "below {:g}"}
 
 
@@ -34,7 +34,7 @@ class Field(NamedTuple):
     name, unit, meaning : str
         As written in the record; the unit of a dimensionless field is "-".
     kind : type
-        `float`, `int` or `str`.
+        `float`, `int`, `str` or `bool`; `Any` where the record itself checks the value.
     choices : tuple of str
         The allowed texts, if the field is a `Literal`.
     limits : mapping

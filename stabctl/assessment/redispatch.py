@@ -97,7 +97,8 @@ def redispatch(
     every = [simulated(point, *one) for one in wanted]
     later = [simulated(other, *one).ahead for other in tried for one in wanted]
     if not any(one.ahead.any() for one in every):
-        raise StudyError("No group of machines loses synchronism in them, so no power can be shifted from it.")
+        times = f"{lost[0].label}: {wanted[0][1] * grid:g} cycles"
+        raise StudyError(f"With these clearing times ({times}) no machines lose synchronism, so none gives up power.")
     left = [one for one in every if one.stable or _can_shift(point, one.ahead)]
     if all(one.stable for one in left):
         first = next(one.ahead for one in every if one.ahead.any())

@@ -45,8 +45,8 @@ def contingencies(case: Case, word: str) -> list[Contingency]:
     name, at, clear = (part.strip() for part in word.partition("@"))
     if name.upper() == "P3":
         raise StudyError(
-            "P3 is not represented, because another dispatch follows the loss of a machine; set it in the case, as in "
-            "case.trip_machine(2).screen(faults='P1')."
+            "P3 is not represented, because another dispatch follows the loss of a machine; set the power of the "
+            "others, as in case.trip_machine(3).set('machines.2.p', '200MW').screen(faults='P1')."
         )
     if name.upper() not in CATEGORIES:
         raise StudyError(f"{shown(word)} is no category of contingencies; {near(name.upper(), CATEGORIES, 'they are')}")

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from math import pi
 from typing import Annotated, NamedTuple
 
-from stabctl._util.errors import StudyError, shown
 from stabctl._util.jit import inline
 from stabctl._util.schema import NOT_NEGATIVE
 from stabctl._util.validation import guard
@@ -72,16 +71,14 @@ class Feedback(Law):
     28.0
     """
 
-    speed_gain: Annotated[float, "pu/(rad/s)", "Kv"] = 0.0
-    acceleration_gain: Annotated[float, "pu/(rad/s^2)", "Ka"] = 0.0
-    braking: bool = False  # eq. (14) instead of (13)
+    speed_gain: Annotated[float, "pu/(rad/s)", "Kv, on the machine's base"] = 0.0
+    acceleration_gain: Annotated[float, "pu/(rad/s^2)", "Ka, on the machine's base"] = 0.0
+    braking: Annotated[bool, "-", "Ka times the size of the acceleration, with the sign of the speed"] = False
     deadband: Annotated[float, "Hz", "speed deviation without action", NOT_NEGATIVE] = 0.0
     min_voltage: Annotated[float, "pu", "voltage below which the device idles", NOT_NEGATIVE] = 0.8
 
     def __post_init__(self) -> None:
         guard(self)
-        if not isinstance(self.braking, bool):
-            raise StudyError(f"braking = {shown(self.braking)} is not allowed; give True or False.")
 
     @property
     def inertial(self) -> bool:  # type: ignore[override]

@@ -108,15 +108,15 @@ class StorageLaw(Law):
     34.0
     """
 
-    groups: Any = ()
+    groups: Annotated[Any, "-", "coherent groups, each seen as one machine"] = ()
     angle_gain: Annotated[float, "1/s", "weight of the angle in the surface"] = 0.0
-    slope: Annotated[float, "Hz", "surface beyond the deadband at which the power is full", NOT_NEGATIVE] = 0.0
+    slope: Annotated[float, "Hz", "surface beyond the deadband of full power; 0: a relay", NOT_NEGATIVE] = 0.0
     deadband: Annotated[float, "Hz", "surface without action", NOT_NEGATIVE] = 0.1
     min_voltage: Annotated[float, "pu", "voltage below which the device idles", NOT_NEGATIVE] = 0.8
-    max_acceleration: Annotated[float, "Hz/s", "rate above which the device idles", NOT_NEGATIVE] = 0.0
-    arm_at: Annotated[float, "Hz", "surface that arms the law", NOT_NEGATIVE] = 0.0
+    max_acceleration: Annotated[float, "Hz/s", "rate above which the device idles; 0: none", NOT_NEGATIVE] = 0.0
+    arm_at: Annotated[float, "Hz", "surface that arms the law; 0: always armed", NOT_NEGATIVE] = 0.0
     timeout: Annotated[float, "s", "time for which it stays armed", POSITIVE] = 5.0
-    return_time: Annotated[float, "s", "time constant of the return of energy", NOT_NEGATIVE] = 0.0
+    return_time: Annotated[float, "s", "time constant of the return of energy; 0: none", NOT_NEGATIVE] = 0.0
     return_power: Annotated[float, "-", "largest share of the rating for the return", SHARE] = 0.1
 
     def __post_init__(self) -> None:

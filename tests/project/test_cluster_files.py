@@ -1,7 +1,9 @@
 """The files for clusters: jobs of SLURM as dask-jobqueue writes them, objects of Kubernetes, and their commands."""
 
 import importlib.util
+import re
 import subprocess
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -25,6 +27,19 @@ def test_the_jobs_of_slurm_start_workers():
     assert "distributed.cli.dask_worker tcp://127.0.0.1:" in command
     assert "--nthreads 1 " in command
     assert "--nworkers 16 " in command
+
+
+def test_what_the_page_installs_is_what_the_script_imports():
+    project = tomllib.loads((FOLDER.parents[2] / "pyproject.toml").read_text("utf-8"))["project"]
+    names = {re.split(r"[<>=]", one)[0].replace("-", "_") for one in project["optional-dependencies"]["cluster"]}
+    assert "dask_jobqueue" in names
+    assert "from dask_jobqueue import" in (FOLDER / "slurm.py").read_text("utf-8")
+
+
+def test_the_image_has_the_code_of_the_case_that_is_screened(objects):
+    (case,) = (one["command"][2] for one in containers(objects) if one["command"][:2] == ["stabctl", "screen"])
+    for path in (FOLDER / "kubernetes.yaml", FOLDER.parents[1] / "cluster.md"):
+        assert re.findall(r"&& stabctl simulate (\w+)", path.read_text("utf-8")) == [case]
 
 
 @pytest.mark.parametrize("page", ["cluster.md", "sweeps.md"])

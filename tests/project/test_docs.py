@@ -18,6 +18,7 @@ import shlex
 import shutil
 import sys
 import tomllib
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, get_args, get_origin, get_type_hints
 
@@ -25,8 +26,9 @@ import pytest
 from markdown_it import MarkdownIt
 from terminal import said
 
-from stabctl import devices
-from stabctl.controllers import bang_bang, feedback, storage_law
+from stabctl import BangBang, Feedback, StorageLaw, devices
+from stabctl._util.schema import hints
+from stabctl.controllers import Input, storage_law
 from stabctl.model.tables import TABLES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -161,19 +163,17 @@ def test_the_readme_is_short():
 
 
 def records():
-    """Section of the list of symbols -> the records whose fields stand there: tables of a case, and laws."""
-    found = {name: [record] for name, record in TABLES.items()}
-    for law in (bang_bang, feedback, storage_law):
-        found[law.__name__.rpartition(".")[2]] = [law.Par, law.Input, law.Output]
-    return found
+    """Section of the list of symbols -> the records whose fields stand there: tables of a case, laws and signals."""
+    laws = {law.__name__: [law] for law in (BangBang, Feedback, StorageLaw)}
+    return {name: [record] for name, record in TABLES.items()} | laws | {"signals": [Input, storage_law.Output]}
 
 
 def rows_of_symbols():
     """`| symbol | meaning | unit |` of every field of these records."""
     for name, found in records().items():
         for record in found:
-            for field, (_, unit, meaning, *_) in described(record).items():
-                yield name, f"| `{field}` | {meaning} | {unit} |"
+            for f in hints(record).values():
+                yield name, f"| `{f.name}` | {f.meaning} | {f.unit} |"
 
 
 def described(record):
@@ -202,6 +202,13 @@ def test_every_symbol_of_the_tables_and_laws_is_in_the_list():
     listed = sections()
     missing = [f"{name}: {row}" for name, row in rows_of_symbols() if row not in listed.get(name, "")]
     assert not missing, "\n".join(["docs/symbols.md lacks", *missing])
+
+
+@pytest.mark.parametrize("law", [BangBang, Feedback, StorageLaw])
+def test_every_field_of_a_law_has_unit_and_meaning(law):
+    assert [f.name for f in fields(law)] == list(hints(law))
+    units = re.findall(r"^    (\w+) : .*?, (\S+)$", law.__doc__, re.MULTILINE)
+    assert dict(units).items() <= {f.name: f.unit for f in hints(law).values()}.items()
 
 
 def test_the_list_has_no_symbol_that_does_not_exist():
