@@ -356,7 +356,7 @@ def read_dc_lines(net: Network) -> None:
         for end, S in zip((line.rectifier, line.inverter), drawn, strict=True):
             if S:
                 row = Load(end.IP, S.real, S.imag, 1.0, 1.0, v_low=net.raw.power_low, id=f"DC {line.head.NAME}")
-                net.add("loads", row._replace(kind="injection"), place)
+                net.add("loads", row._replace(kind="hvdc"), place)
         reactive = " and ".join(f"{S.imag:.4g}" for S in drawn)
         net.corrections.append(
             f"{place}: DC line {line.head.NAME} is a constant-power injection at buses {line.rectifier.IP} and "
