@@ -23,7 +23,7 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control
 from stabctl.simulation.trajectory import Trajectory
 
-TINY = 1e-9  # MW
+TINY = 1e-6  # MW   less is no change
 STEP = 0.01  # of the power of the critical machines, of which a shift is a multiple
 
 
@@ -31,8 +31,8 @@ class Shift(NamedTuple):
     """A dispatch with power shifted from the critical machines to others."""
 
     point: OperatingPoint
-    values: dict[str, float]  # MW   of every machine that changes, by its path in the case
-    mw: float
+    values: dict[str, float]  # MW   of every machine that is not scheduled at it, by its path in the case
+    mw: float  # that the machines which give up none produce more; the losses change, too
     words: str
     unsolved: tuple[str, ...] = ()  # labels of contingencies that no shift was found for
 
@@ -114,8 +114,8 @@ def redispatch(
         said = f"No other machine can take the power that {who} would give up."
         if most and room.last:
             said = (
-                f"Less power at {who} is not enough, up to {most.mw:.4g} MW, beyond which they produce no power, the "
-                "ratings of the others are exceeded, or there is no operating point."
+                f"Less power at {who} is not enough, up to {most.mw:.4g} MW more at others, beyond which no "
+                "power is left there, the ratings of the others are exceeded, or there is no operating point."
             )
         gone = [k for k, one in enumerate(left) if not survived(most, one)]
         unstable = [k for k in gone if not left[k].stable]
@@ -188,14 +188,8 @@ class _Room:
         give, take = np.zeros((2, len(groups), len(produced)))
         give[:, rotors], take[:, rotors] = groups * P, inside * ~barred * rest
         power, room = give.sum(axis=1), take.sum(axis=1)
-        return cls(
-            point,
-            produced,
-            give / np.maximum(power, TINY)[:, None],
-            take / np.maximum(room, TINY)[:, None],
-            power,
-            room,
-        )
+        give, take = give / np.maximum(power, TINY)[:, None], take / np.maximum(room, TINY)[:, None]
+        return cls(point, produced, give, take, power, room)
 
     @cached_property
     def last(self) -> int:
@@ -217,26 +211,29 @@ class _Room:
 
     def shift(self, steps: Sequence[int]) -> Shift | None:
         """The system in which every group gives up so many steps of its power; None if that is not possible."""
-        given = STEP * np.array(steps) * self.power
-        now = self.produced + given @ (self.take - self.give)
-        case = self.point.case
-        least, most = np.minimum(self.produced, 0.0), np.maximum(self.produced, [m.base for m in case.machines])
-        if ((now < least - 1e-9) | (now > most + 1e-9)).any():
-            return None
-        moved = given > 0
-        fewer, more = ((each[moved].sum(axis=0) > 0) for each in (self.give, self.take))
-        rows = zip(case.machines, now.tolist(), fewer | more, strict=True)
-        values = {f"machines.{m.machine}.p": round(mw, 6) for m, mw, of in rows if of}
-        less = [
-            f"{mw:.4g} MW less at {enumerated('machine', self._named(give > 0))}"
-            for mw, give in zip(given, self.give, strict=True)
-            if mw
-        ]
-        words = "; ".join([*less, f"{given.sum():.4g} MW more at {enumerated('machine', self._named(more))}"])
+        given, case = STEP * np.array(steps) * self.power, self.point.case
+        P, rated = self.produced, np.array([m.base for m in case.machines])
+        least, most = np.where(P < 0, -np.inf, 0.0), np.where(rated < P, np.inf, rated)  # that are kept until now
         try:
-            return Shift(operating_point(case.set(values)), values, float(given.sum()), words)
+            wanted = self._values(P + given @ (self.take - self.give))
+            now = case.set(wanted).power_flow().S.real * case.base_mva  # at the swing bus with what the losses change
+            if ((now < least - TINY) | (now > most + TINY)).any():
+                return None
+            values = self._values(now)
+            point = operating_point(case.set(values))
         except (PowerFlowError, EquilibriumError):
             return None
+        change, groups = now - P, self.give[given > 0] > 0
+        others = ~groups.any(axis=0) & (np.abs(change) > TINY)
+        more = float(change[others].sum())
+        parts = [(-change[group].sum(), "less", group) for group in groups] + [(more, "more", others)]
+        words = "; ".join(f"{mw:.4g} MW {way} at {enumerated('machine', self._named(of))}" for mw, way, of in parts)
+        return Shift(point, values, more, words)
+
+    def _values(self, power: np.ndarray) -> dict[str, float]:
+        """The power (machines, MW) of those that are not scheduled at it, by their path in the case."""
+        rows = zip(self.point.case.machines, power.tolist(), strict=True)
+        return {f"machines.{m.machine}.p": round(mw, 6) for m, mw in rows if abs(mw - m.p) > TINY}
 
 
 def _joined(sides: Sequence[np.ndarray]) -> list[np.ndarray]:

@@ -34,7 +34,7 @@ class Change(NamedTuple):
     point: OperatingPoint  # the system with it
     control: Control  # with which it is studied
     code: str  # the method of a case that makes it, as Python
-    mw: float | None  # of storage, or of power shifted
+    mw: float | None  # of storage, or of power from other machines
     cost: float | None  # None without a price
     unsolved: tuple[str, ...] = ()  # labels of contingencies for which it was not found to suffice
 

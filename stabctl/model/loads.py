@@ -25,7 +25,7 @@ TYPICAL = "constant current for active, constant admittance for reactive power" 
 def with_load_level(case: Case, level: float) -> Case:
     """The case with every load and the dispatch of every machine multiplied by a level.
 
-    The swing machine covers what the losses change; voltages, shunts and HVDC links stay as they are.
+    The swing machine covers what the losses change; voltages, shunts, HVDC links and DC lines stay as they are.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def with_load_level(case: Case, level: float) -> Case:
     """
     if isinstance(level, bool) or not isinstance(level, int | float) or not 0 < level <= HIGHEST:
         raise StudyError(f"The load level {level!r} is not allowed; give a number above 0, such as 0.9 for 90 %.")
-    loads = tuple(load._replace(p=level * load.p, q=level * load.q) for load in case.loads)
+    loads = tuple(x if x.kind == "hvdc" else x._replace(p=level * x.p, q=level * x.q) for x in case.loads)
     machines = tuple(m._replace(p=level * m.p) for m in case.machines)
     return replace(case, loads=loads, machines=machines)
 

@@ -11,7 +11,7 @@ from stabctl._util.errors import StudyError, shown
 from stabctl._util.process import paused
 from stabctl._util.units import quantity
 
-from . import naming, powerflow, tables
+from . import naming, network, powerflow, tables
 from .case import Case, as_case
 from .tables import Branch, Bus, Machine
 
@@ -24,7 +24,7 @@ def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float =
 
     Copy k (from 0) has the bus and machine numbers of the case plus k times the smallest power of ten above both. Every
     copy has the operating point of the case, its bus table the voltages solved, and the ties carry no power. Only the
-    first copy keeps its swing bus; in the others, the swing machines are scheduled at their power in the power flow.
+    first copy keeps the swing bus of the tied island; in the others, its machines are scheduled at their present power.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float =
     swing = next(b.bus for b in case.buses if b.kind == "swing")
     if tie_bus is None:
         tie_bus = next(m.storage_bus for m in case.machines if m.bus == swing)
-    naming.row(case, "buses", tie_bus)
+    tied = naming.row(case, "buses", tie_bus)
     x, spread = quantity(x, "pu"), quantity(spread, "-")
     if not 0 < x < np.inf:
         raise StudyError(f"A tie of {x:g} pu is not possible; its reactance must be above 0.")
@@ -67,6 +67,7 @@ def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float =
         raise StudyError(f"A spread of {spread:g} is not possible; give one from -0.9 to 9.")
     flow = powerflow.solve(case)
     scheduled = [m._replace(p=float(S.real) * case.base_mva) for m, S in zip(case.machines, flow.S, strict=True)]
+    island = network.islands(network.build(case))
     solved = [b._replace(v=abs(V), angle=degrees(phase(V))) for b, V in zip(case.buses, flow.V.tolist(), strict=True)]
     step = 10 ** len(str(max([b.bus for b in case.buses] + [m.machine for m in case.machines])))
     shifts = [k * step for k in range(copies)]
@@ -76,7 +77,7 @@ def replicate(case: Case, copies: int, *, tie_bus: int | None = None, x: float =
         case,
         name=f"{case.name}_x{copies}",
         title=f"{copies} times {case.title}",
-        buses=tuple(_bus(b, s) for s in shifts for b in solved),
+        buses=tuple(_bus(b, s, of) for s in shifts for b, of in zip(solved, island == island[tied], strict=True)),
         branches=(*(_moved(k, s) for s in shifts for k in case.branches), *ties),
         machines=tuple(_machine(m, s) for s in shifts for m in scheduled),
         loads=tuple(_moved(load, s) for s in shifts for load in case.loads),
@@ -117,7 +118,7 @@ def _copied(name: str, shift: int) -> str:
     return f"{name} {shift}" if name and shift else name
 
 
-def _bus(bus: Bus, shift: int) -> Bus:
-    """A bus of a copy; only the first copy has a swing bus."""
+def _bus(bus: Bus, shift: int, tied: bool) -> Bus:
+    """A bus of a copy; of an island that is tied, only the first copy has a swing bus."""
     moved = _moved(bus, shift)._replace(name=_copied(bus.name, shift))
-    return moved._replace(kind="pv") if shift and bus.kind == "swing" else moved
+    return moved._replace(kind="pv") if shift and tied and bus.kind == "swing" else moved

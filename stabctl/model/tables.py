@@ -18,7 +18,7 @@ from stabctl.devices.device import AT_BUS
 from stabctl.devices.storage import MODELS, StorageModel
 
 Key = int | str
-LoadKind = Literal["load", "injection"]
+LoadKind = Literal["load", "injection", "hvdc"]
 Characteristic = Literal["power", "current", "conductance"]
 LEFT_BY = {"converter": ("exciter", "governor", "stabilizer"), "machine": OF_CONVERTER}  # role -> controls
 UNIT_ROLES = ("machine", "converter")  # every row of machines.csv has exactly one model with one of these
@@ -97,7 +97,7 @@ class Load(NamedTuple):
     v_low: Annotated[float, "pu", "voltage below which the whole load is an admittance", POSITIVE] = 0.5
     v: Annotated[float, "pu", "voltage at which p and q are consumed (0: the power-flow voltage)", NOT_NEGATIVE] = 0.0
     id: Annotated[str, "-", "identifier of the load at its bus"] = ""
-    kind: Annotated[LoadKind, "-", "load, or another injection, which --loads does not change"] = "load"
+    kind: Annotated[LoadKind, "-", "load, or what --loads keeps: another injection, end of an HVDC line"] = "load"
     model_share: Annotated[float, "-", "share of p and q that its load model draws, if it has one", SHARE] = 1.0
 
 

@@ -36,7 +36,7 @@ FEWEST_ALIKE = 3  # values that are compared
 IDEAL = 1e-4  # pu   transient reactance up to which a machine is an ideal voltage source
 UNBALANCED, LEAST = 0.05, 0.01  # mismatch: of the power that passes through a bus; pu
 MOST_UNBALANCED, FEWEST_BUSES = 3, 6  # more buses out of balance, or fewer buses: the voltages are no solution
-NEAR_BUS = "is r or x of a branch there, a load or a dispatch in another unit?"
+NEAR_BUS = "is r, x or b of a branch there, a shunt, a load or a dispatch in another unit?"
 Rows = dict[str, dict[str, float]]  # object, such as machine 30/1 -> quantities
 
 
@@ -290,18 +290,20 @@ def _alone(table: str, quantity: str, unit: str, values: Mapping[str, float], fa
 
 
 def _unbalanced(case: Case) -> Iterator[Finding]:
-    """Buses with a mismatch of active power where the voltages of all others are a solved power flow."""
+    """Buses with a mismatch, of reactive power if nothing holds the voltage; those of all others are a power flow."""
     if len(case.buses) < FEWEST_BUSES or len({b.angle for b in case.buses}) == 1:
         return
     V, mismatch = powerflow.at_stored_voltages(case)
-    made = np.array([m.p for m in case.machines]) / case.base_mva
-    flow = powerflow.PowerFlow(case, V, made, 0).branch_power.real
-    net, through = network.build(case), np.abs(powerflow.demand(case).real)
+    made = np.array([complex(m.p, m.q) for m in case.machines]) / case.base_mva
+    flow = powerflow.PowerFlow(case, V, made, 0).branch_power
+    net, demand = network.build(case), powerflow.demand(case)
+    through = np.stack([np.abs(demand.real), np.abs(demand)], axis=1)  # active and apparent power
     for end, power in ((net.frm, flow[:, 0]), (net.to, flow[:, 1]), (net.machine_bus, made)):
-        np.add.at(through, end, np.abs(power))
+        np.add.at(through, end, np.stack([np.abs(power.real), np.abs(power)], axis=1))
     limit = np.maximum(UNBALANCED * through / 2, LEAST)
-    limit[[b.kind == "swing" for b in case.buses]] = np.inf
-    out = np.flatnonzero(np.abs(mismatch.real) > limit).tolist()
-    for i in out if len(out) <= MOST_UNBALANCED else ():
-        MW = float(mismatch[i].real) * case.base_mva
-        yield Finding("buses", f"bus {case.buses[i].bus}", "mismatch at stored voltages", MW, "MW", 0.0, 0.0, NEAR_BUS)
+    known = np.array([(b.kind != "swing", b.kind == "pq") for b in case.buses])
+    parts = np.stack([mismatch.real, mismatch.imag], axis=1)
+    out = known & (np.abs(parts) > limit)
+    for i, part in np.argwhere(out).tolist() if out.any(axis=1).sum() <= MOST_UNBALANCED else ():
+        bus, value, unit = f"bus {case.buses[i].bus}", float(parts[i, part]) * case.base_mva, ("MW", "Mvar")[part]
+        yield Finding("buses", bus, "mismatch at stored voltages", value, unit, 0.0, 0.0, NEAR_BUS)

@@ -11,7 +11,7 @@ import pytest
 import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.assessment import remedies
-from stabctl.assessment.redispatch import STEP, redispatch
+from stabctl.assessment.redispatch import STEP, _Room, redispatch
 from stabctl.assessment.remedy import Remedy
 from stabctl.clearing.trial import Search, Trial
 from stabctl.judgment import criteria
@@ -108,28 +108,66 @@ def test_storage_is_what_place_finds(base, study):
 
 
 def test_redispatch_keeps_the_power_within_losses_and_ratings(base, study):
+    """Machine 3 is at the swing bus and produces what the losses change; the others are scheduled."""
     found = by_kind(study)["redispatch"].change
     before, after = base.flow.S.real * 100, found.point.flow.S.real * 100
-    scheduled = np.array([m.p for m in found.point.case.machines])
-    assert scheduled.sum() == pytest.approx(before.sum(), abs=1e-4)
+    assert [m.p for m in found.point.case.machines] == pytest.approx(after, abs=1e-6)
     losses = [point.flow.branches["loss_mw"].sum() for point in (base, found.point)]
     assert after.sum() - before.sum() == pytest.approx(losses[1] - losses[0], abs=1e-4)
     rated = np.array([m.base for m in base.case.machines])
-    assert (scheduled <= rated).all()
-    assert (scheduled >= 0).all()
-    less = scheduled < before
-    assert found.mw == pytest.approx((before - scheduled)[less].sum(), abs=1e-4)
-    assert np.ptp((before - scheduled)[less] / before[less]) < 1e-6
-    more = (scheduled - before)[~less] / (rated - before)[~less]
-    assert np.ptp(more) < 1e-6
+    assert (after <= rated).all()
+    assert (after >= 0).all()
+    less = after < before
     assert [m.machine for m, of in zip(base.case.machines, less, strict=True) if of] == [1, 2]  # ahead, not those lost
+    assert np.ptp((before - after)[less] / before[less]) < 1e-6
+    room, given = rated - before, (before - after)[less].sum()
+    assert (after - before)[3] == pytest.approx(given * room[3] / room[2:].sum(), abs=1e-4)
+
+
+def with_swing_at(point, bus):
+    """The case with the same power flow, and its swing bus there."""
+    case, V = point.case, point.flow.V
+    rows = zip(case.buses, abs(V).tolist(), np.angle(V, deg=True).tolist(), strict=True)
+    return replace(
+        case,
+        buses=tuple(
+            b._replace(v=v, angle=angle, kind="swing" if b.bus == bus else b.kind.replace("swing", "pv"))
+            for b, v, angle in rows
+        ),
+        machines=tuple(m._replace(p=s.real * 100) for m, s in zip(case.machines, point.flow.S, strict=True)),
+    )
+
+
+@pytest.mark.parametrize("swing", [1, 3])
+def test_a_shift_is_told_as_what_the_machines_do(base, swing):
+    """Wherever the swing bus is, at the machines that give up power or at those that take it."""
+    point = with_swing_at(base, swing).initialize()
+    found = redispatch(point, [LOST.with_clear("12cyc")], Search(0.5, 3.0))
+    assert point.case.set(found.values) == found.point.case
+    now = found.point.flow.S.real * 100
+    change = now - point.flow.S.real * 100
+    assert found.values == pytest.approx({f"machines.{k}.p": mw for k, mw in enumerate(now, 1)}, abs=1e-6)
+    less, more = -change[:2].sum(), change[2:].sum()
+    assert found.mw == pytest.approx(more, abs=1e-6)
+    assert less > more + 1  # the losses fall
+    assert found.words == f"{less:.4g} MW less at machines 1, 2; {more:.4g} MW more at machines 3, 4"
+
+
+def test_the_machine_at_the_swing_bus_keeps_its_rating_with_what_the_losses_change(base):
+    case = with_swing_at(base, 1).without_device("tgov")
+    point = case.set({"machines.1.base": 750.0, "machines.2.base": 750.0}).initialize()
+    room = _Room.of(point, [np.array([False, False, True, True])], [])
+    most = room.shift([room.last]).point.flow.S.real * 100
+    assert most[0] <= 750
+    assert room.shift([room.last + 1]) is None
+    assert room.last < int(room.spare[0] / (STEP * room.power[0]))  # as many steps would be possible without losses
 
 
 def test_one_step_less_is_not_enough(base, study):
     found = by_kind(study)["redispatch"].change
     before = base.flow.S.real * 100
     scheduled = np.array([m.p for m in found.point.case.machines])
-    steps = found.mw / (STEP * before[:2].sum())
+    steps = (before - scheduled)[:2].sum() / (STEP * before[:2].sum())
     assert steps == pytest.approx(round(steps), abs=1e-4)
     less = before + (scheduled - before) * (1 - 1 / steps)
     case = base.case.set({f"machines.{m.machine}.p": p for m, p in zip(base.case.machines, less, strict=True)})

@@ -139,9 +139,10 @@ def test_generators_at_their_reactive_limit_keep_it():
 
 def test_dc_lines_are_injections(tmp_path):
     case = st.read_matpower(FILES / "powermodels" / "case5_dc.m")
-    at = {load.bus: (load.p, load.q) for load in case.loads if load.kind == "injection"}
+    at = {load.bus: (load.p, load.q) for load in case.loads if load.kind == "hvdc"}
     assert at[3][0] == 15
     assert at[5][0] == pytest.approx(-13.85)
+    assert [load for load in case.with_load_level(0.5).loads if load.kind == "hvdc"] == [*case.loads[-2:]]
     assert any("toggle_dcline" in note for note in case.notes)
 
 

@@ -250,7 +250,7 @@ def test_a_dc_line_holds_its_set_point_at_the_right_end(tmp_path, mode, setpoint
         factor = abs(load.p) / current / (3 * np.sqrt(2) / np.pi * ideal)
         assert 0 < factor < 1
         assert load.q == pytest.approx(abs(load.p) * np.sqrt(1 / factor**2 - 1))
-        assert (load.kind, load.p_power, load.q_power) == ("injection", 1.0, 1.0)
+        assert (load.kind, load.p_power, load.q_power) == ("hvdc", 1.0, 1.0)
 
 
 def test_machines_at_one_bus(tmp_path):

@@ -73,13 +73,26 @@ def test_commutating_resistances_take_power(read, rc):
     """P = (Vdc +- 2 N Rc I) I, and its power factor from the voltage behind them."""
     ends = [f"{bus},2,20,5,{rc},6,230,0.9,1,1.5,.5,.00625" for bus in (1, 3)]
     dc = "\n".join(["'LINK',1,2.0,500,500,0,0,0,'R',0,20,1.0", *ends])
-    rectifier, inverter = (load for load in read(dc=dc).case.loads if load.kind == "injection")
+    rectifier, inverter = (load for load in read(dc=dc).case.loads if load.kind == "hvdc")
     current = 500 / rectifier_voltage(500, 500, 2.0)
     for load, volts, way, V in ((rectifier, 500 / current, 1, 1.02), (inverter, 500 / current - 2 * current, -1, 0.98)):
         behind = volts + way * 4 * rc * current
         assert load.p == pytest.approx(way * behind * current, abs=1e-9)
         ideal = 3 * np.sqrt(2) / np.pi * 2 * 230 * 0.9 * V
         assert load.q == pytest.approx(behind * current * np.tan(np.arccos(behind / ideal)), abs=1e-9)
+
+
+def test_a_load_level_leaves_dc_lines_as_they_are(read):
+    """They are no loads, unlike machines that are injections, which are part of the dispatch."""
+    ends = [f"{bus},2,20,5,0,6,230,0.9,1,1.5,.5,.00625" for bus in (1, 3)]
+    dc = "\n".join(["'LINK',1,2.0,50,500,0,0,0,'R',0,20,1.0", *ends])
+    case = read(dyr=UNITS.splitlines()[0], dc=dc).case  # machine 2 is an injection
+    half = case.with_load_level(0.5)
+    share = [new.p / old.p for new, old in zip(half.loads, case.loads, strict=True)]
+    assert [load.kind for load in case.loads] == [*["load"] * 3, *["hvdc"] * 2, "injection"]
+    assert share == pytest.approx([0.5, 0.5, 0.5, 1, 1, 0.5])
+    assert [m.p / n.p for m, n in zip(half.machines, case.machines, strict=True)] == [0.5]
+    assert half.with_loads("current").loads[-3:] == half.loads[-3:]
 
 
 def rectifier_voltage(power, inverter, resistance):

@@ -72,6 +72,14 @@ def test_at_the_most_the_voltage_is_below_the_set_point_and_at_the_least_above(t
 
 
 @FORMATS
+@pytest.mark.parametrize("off", [0.0, 1e-5, -9e-5, 1.1e-4])
+def test_machines_hold_the_set_point_however_near_the_stored_voltage_is(tmp_path, text, off):
+    """In a stiff network, a last digit of the voltage is much reactive power."""
+    case = read(tmp_path, text, 20.0, 1.01, ((1.02, 1.01 + off, 1.0), FLAT[1]))
+    assert abs(case.power_flow().V[1]) == pytest.approx(1.01, abs=1e-12)
+
+
+@FORMATS
 @pytest.mark.parametrize(("produced", "held"), [(60.0, 1.02), (-10.0, 0.98), (60.0, 0.98), (-10.0, 1.02)])
 def test_a_file_that_was_not_solved_says_nothing_about_limits(tmp_path, text, produced, held):
     """With the voltages of a flat start, generators at a limit hold the set-point on either side of them."""

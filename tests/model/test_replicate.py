@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from islands import SHIFT, joined, single
 
 from stabctl import io
 from stabctl._util.errors import StudyError
@@ -24,6 +25,18 @@ def test_every_copy_has_the_operating_point_of_the_case(name):
     assert np.abs(V - alone.V).max() < 1e-9  # 3e-14
     assert np.abs(S - alone.S).max() < 1e-8  # 9e-13
     assert [b.kind for b in flow.case.buses].count("swing") == 1
+
+
+@pytest.mark.parametrize("tie_bus", [None, SHIFT + 2])
+def test_islands_that_are_not_tied_keep_their_swing_buses(cases, tie_bus):
+    two_area = cases("two_area")
+    case = joined(two_area, single(two_area, 300.0))
+    alone, flow = powerflow.solve(case), powerflow.solve(replicate(case, 3, tie_bus=tie_bus))
+    assert np.abs(flow.V.reshape(3, -1) - alone.V).max() < 1e-9
+    assert np.abs(flow.S.reshape(3, -1) - alone.S).max() < 1e-8
+    swings = [b.bus for b in flow.case.buses if b.kind == "swing"]
+    tied, other = (3, SHIFT + 1) if tie_bus is None else (SHIFT + 1, 3)
+    assert sorted(swings) == sorted([tied, *(other + k * 10_000 for k in range(3))])
 
 
 def test_numbers_say_which_copy():

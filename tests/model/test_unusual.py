@@ -151,6 +151,17 @@ def test_power_left_at_a_bus_is_named_from_a_twentieth_of_what_passes_through(sh
     assert [f.value for f in found] == [pytest.approx((share - 1) * case.loads[0].p, abs=0.6)] * named  # 0.5
 
 
+def test_reactive_power_left_at_a_bus_is_named_where_nothing_holds_the_voltage():
+    """What a machine produces to hold its voltage is not in the bus table."""
+    case = st.load("ieee39")
+    wrong = case.set("loads.8.q", case.loads[naming.row(case, "loads", "8")].q - 700)
+    (found,) = wrong.check().findings
+    assert (found.object, found.unit, found.value) == ("bus 8", "Mvar", pytest.approx(-700, abs=1))
+    assert case.set("loads.39.q", 950).check().findings == ()
+    wrong = case.set("buses.8.b", 500).check().findings
+    assert [(f.object, f.unit) for f in wrong] == [("bus 8", "Mvar")]
+
+
 def test_a_power_flow_without_a_solution_hides_nothing_else():
     case = st.load("two_area").set({"branches.7-8.x": 11.0, "branches.7-8#2.x": 11.0, "genrou.1.H": 1500})
     with pytest.raises(st.StabctlError):

@@ -198,7 +198,7 @@ def _dc_lines(net: Network) -> None:
         delivered = line.PF - (line.LOSS0 + line.LOSS1 * line.PF)
         for bus, p, q in ((line.F_BUS, line.PF, -line.QF), (line.T_BUS, -delivered, -line.QT)):
             if p or q:
-                net.add("loads", Load(bus, p, q, 1.0, 1.0, v_low=POWER_LOW, id=f"DC {k}", kind="injection"), place)
+                net.add("loads", Load(bus, p, q, 1.0, 1.0, v_low=POWER_LOW, id=f"DC {k}", kind="hvdc"), place)
         net.corrections.append(
             f"{place}: the DC line from {line.F_BUS} to {line.T_BUS} is a constant-power injection at its ends, "
             f"{line.PF:.4g} MW drawn and {delivered:.4g} MW delivered; MATPOWER leaves it out without toggle_dcline."

@@ -186,14 +186,11 @@ def _bus_kind(net: Network, bus: int, units: list[tuple[Any, Place]], drawn: com
     held = [g.VS for g, _ in units]
     if max(held) - min(held) > SAME_VOLTAGE:
         net.corrections.append(f"{place}: the machines at bus {bus} have several VS; the first holds: {first.VS:g} pu.")
-    remote = first.IREG not in (0, bus)
-    if remote or abs(first.VS - row.v) <= SAME_VOLTAGE:
-        if remote:
-            net.corrections.append(
-                f"{place}: machine {bus}/{first.ID} regulates bus {first.IREG}; it holds its stored terminal voltage."
-            )
-        return
-    if net.limited(row, first.VS, [(complex(g.PG, g.QG), g.QB, g.QT) for g, _ in units], drawn):
+    if first.IREG not in (0, bus):
+        net.corrections.append(
+            f"{place}: machine {bus}/{first.ID} regulates bus {first.IREG}; it holds its stored terminal voltage."
+        )
+    elif net.limited(row, first.VS, [(complex(g.PG, g.QG), g.QB, g.QT) for g, _ in units], drawn):
         net.fix(bus, "machines", place)
     else:
         net.change(bus, v=first.VS)
@@ -359,7 +356,7 @@ def read_dc_lines(net: Network) -> None:
         for end, S in zip((line.rectifier, line.inverter), drawn, strict=True):
             if S:
                 row = Load(end.IP, S.real, S.imag, 1.0, 1.0, v_low=net.raw.power_low, id=f"DC {line.head.NAME}")
-                net.add("loads", row._replace(kind="injection"), place)
+                net.add("loads", row._replace(kind="hvdc"), place)
         reactive = " and ".join(f"{S.imag:.4g}" for S in drawn)
         net.corrections.append(
             f"{place}: DC line {line.head.NAME} is a constant-power injection at buses {line.rectifier.IP} and "
