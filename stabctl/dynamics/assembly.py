@@ -68,6 +68,15 @@ class Unweighted(NamedTuple):
         return np.array([getattr(row, name) for row in self.rows], kind)
 
 
+class Watched(NamedTuple):
+    """A load or the terminal of a link, which counts as lost if its voltage stays low."""
+
+    bus: int  # row of its bus
+    other: int  # row of the bus of the other terminal, without whose voltage a link is blocked; of a load its own
+    low: float  # pu
+    name: str  # in messages
+
+
 @dataclass(frozen=True, eq=False)
 class System:
     """All devices of a case, with everything that initialization, derivatives and simulation need."""
@@ -81,8 +90,7 @@ class System:
     forming: np.ndarray  # (units) whether it is a voltage source
     fixed: np.ndarray  # (buses) admittances included in the network matrix, pu
     draw_bus: np.ndarray  # rows of the buses with voltage-dependent currents
-    watch_bus: np.ndarray  # rows of the buses of loads
-    watch_low: np.ndarray  # pu   voltages below which a load counts as lost
+    watched: tuple[Watched, ...]  # loads and links
     kept: dict[Any, Any] = field(default_factory=dict, repr=False)  # results computed once for all such systems
 
     def has(self, table: str) -> bool:
@@ -149,7 +157,6 @@ def system(case: Case, flow: PowerFlow, net: Network) -> System:
     for f in families:
         if f.device.source is not None and f.device.role in devices.UNIT_ROLES:
             forming[unit[f.name]] = True
-    watched = [(b, low) for name, found in tables.items() for row in found for b, low in _watched(name, row)]
     buses = [f.w[:, [family.BUS, family.BUS2]].ravel() for f in draws]
     draw_bus = (np.unique(np.concatenate(buses)) - wired.nx) // 2 if buses else np.zeros(0, np.int64)
     return System(
@@ -162,17 +169,19 @@ def system(case: Case, flow: PowerFlow, net: Network) -> System:
         forming,
         fixed,
         draw_bus.astype(np.int64),
-        np.array([b for b, _ in watched], np.int64),
-        np.array([low for _, low in watched], float),
+        tuple(one for name, found in tables.items() for row in found for one in _watched(name, row)),
     )
 
 
-def _watched(name: str, row: Row) -> Iterator[tuple[int, float]]:
-    """Rows of the buses where a load or link counts as lost below a voltage (pu), and this; none of an admittance."""
+def _watched(name: str, row: Row) -> Iterator[Watched]:
+    """What is watched of a load or link: no admittance, and no terminal without power."""
     device = devices.every()[name]
-    if device.role in ("load", "link") and "vlow" in device.Par._fields:
-        for bus in dict.fromkeys((row.bus, row.bus2)):
-            yield bus, row.par.vlow
+    if device.role == "link":
+        for bus, other, power in ((row.bus, row.bus2, row.par.Prec), (row.bus2, row.bus, row.par.Pinv)):
+            if power:
+                yield Watched(bus, other, row.par.vlow, f"HVDC {row.key}")
+    elif device.role == "load" and "vlow" in device.Par._fields:
+        yield Watched(row.bus, row.bus, row.par.vlow, "its load")
 
 
 def _rotors(families: Iterable[Family], unit: Mapping[str, list[int]]) -> Rotors:

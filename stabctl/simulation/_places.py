@@ -75,8 +75,8 @@ class Places(NamedTuple):
     scale: np.ndarray  # (limits) signals that multiply the limits
     draw_bus: np.ndarray  # (drawing buses) rows of the buses with voltage-dependent currents
     near_bus: np.ndarray  # (iterated buses) the same, and remote buses whose voltages these currents depend on
-    watch_bus: np.ndarray  # (loads) rows of their buses
-    watch_low: np.ndarray  # (loads) pu   voltages below which they count as lost
+    watch_bus: np.ndarray  # (loads and terminals of links) rows of their buses
+    watch_low: np.ndarray  # (loads and terminals of links) pu   voltages below which they count as lost, 0: blocked
     held: np.ndarray  # (held) what laws and gates write: orders, then whether a gate is open; constant over a part
     acting: np.ndarray  # rows of `held` that change a power: gates, and orders of devices with a rating
     order: np.ndarray  # (storage devices) what they read their orders from, in the order of the case's table
@@ -144,7 +144,7 @@ def places(
     abrupt
         Whether they may jump while they follow the signals.
     """
-    rotors, limits, others = system.rotors, system.limits, system.unweighted
+    rotors, limits, others, watched = system.rotors, system.limits, system.unweighted, system.watched
     first = np.cumsum([0, *(len(group) for group in groups)], dtype=np.int64)
     member = np.concatenate([np.zeros(0, np.int64), *groups]).astype(np.int64)
     owner = np.full(layout.size, -1, np.int64)
@@ -156,8 +156,9 @@ def places(
         others.column("place"), others.column("unit"), others.column("bus"), others.column("frequency"),
         np.zeros(len(others.rows)), first, member, owner,
         limits.state, limits.low, limits.high, limits.scale,
-        system.draw_bus, system.near_bus, system.watch_bus, system.watch_low, held.astype(np.int64), acting, order,
-        begun, wanted, own.astype(np.int64), limits.stops, gated, relay, follows, inertial, abrupt,
+        system.draw_bus, system.near_bus, np.array([one.bus for one in watched], np.int64),
+        np.array([one.low for one in watched], float), held.astype(np.int64), acting, order, begun, wanted,
+        own.astype(np.int64), limits.stops, gated, relay, follows, inertial, abrupt,
     )  # fmt: skip
 
 

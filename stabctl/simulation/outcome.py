@@ -121,8 +121,10 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             text = f"Voltage collapse at bus {bus} at {t:.3f} s: the network equations have no solution."
         case _judgment.LOW_VOLTAGE:
             kind, blamed = Kind.VOLTAGE_COLLAPSE, bus
+            watched = (one for one in point.system.watched if one.bus == end.bus and end.stage.net.alive[one.other])
+            lost = max(watched, key=lambda one: one.low).name
             text = (
-                f"Voltage collapse at bus {bus} at {t:.3f} s: its voltage stayed below the limit of its load "
+                f"Voltage collapse at bus {bus} at {t:.3f} s: its voltage stayed below the limit of {lost} "
                 f"for {criterion.low_voltage_s:g} s without a fault."
             )
         case _ if not end.weight.any():
