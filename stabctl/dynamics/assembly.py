@@ -56,6 +56,10 @@ class Angle(NamedTuple):
     inertia: float  # s   on the system base, its weight in an island without rotors; 0 of a phase-locked loop
     least: float  # pu   of its frequency
     most: float  # pu
+    energy: int  # place of the energy of a grid-forming storage device, whose store may end the supply of an island
+    current: int  # place of its active current, pu delivered
+    floor: float  # pu s   energy when empty
+    capacity: float  # pu s   energy when full
 
 
 class Unweighted(NamedTuple):
@@ -142,8 +146,12 @@ def _angles(f: Family, nx: int) -> Iterator[Angle]:
         range_ = (1 + p[limit] / p["wb"] if limit in p else inf for limit, inf in (("wmin", -np.inf), ("wmax", np.inf)))
         unit = NO_UNIT if storage else int(w[family.UNIT])
         if not storage or p["mva"] > 0:
-            bus, place = (int(w[family.BUS]) - nx) // 2, int(w[family.STATE]) + states.index(name)
-            yield Angle(unit, bus, place, not f.device.pll, key, frequency, float(H), *range_)
+            bus, first = (int(w[family.BUS]) - nx) // 2, int(w[family.STATE])
+            store = 0, 0, -np.inf, np.inf
+            if storage and "energy" in states and "Ip" in outputs:
+                store = first + states.index("energy"), int(w[-1]) + outputs.index("Ip"), p["floor"], p["capacity"]
+            place = first + states.index(name)
+            yield Angle(unit, bus, place, not f.device.pll, key, frequency, float(H), *range_, *store)
 
 
 def system(case: Case, flow: PowerFlow, net: Network) -> System:

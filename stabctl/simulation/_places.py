@@ -66,6 +66,10 @@ class Places(NamedTuple):
     other_bus: np.ndarray  # (angles without weight) rows of their buses
     other_speed: np.ndarray  # (angles without weight) their frequencies, -1: none
     other_weight: np.ndarray  # (angles without weight) s   in the center of inertia of an island without rotors, else 0
+    other_energy: np.ndarray  # (angles without weight) energies of storage
+    other_ip: np.ndarray  # (angles without weight) active currents that it delivers
+    other_low: np.ndarray  # (angles without weight) pu s   energies when empty
+    other_high: np.ndarray  # (angles without weight) pu s   energies when full
     first: np.ndarray  # (rotor units + 1) where the group of each begins in `member`
     member: np.ndarray  # (members of all groups) rotor units of the groups, one group after the other
     owner: np.ndarray  # (signals) row of the unit that owns the signal, -1: none
@@ -144,7 +148,7 @@ def places(
     abrupt
         Whether they may jump while they follow the signals.
     """
-    rotors, limits, others, watched = system.rotors, system.limits, system.unweighted, system.watched
+    rotors, limits, watched = system.rotors, system.limits, system.watched
     first = np.cumsum([0, *(len(group) for group in groups)], dtype=np.int64)
     member = np.concatenate([np.zeros(0, np.int64), *groups]).astype(np.int64)
     owner = np.full(layout.size, -1, np.int64)
@@ -153,8 +157,7 @@ def places(
         layout.nx, layout.step, Relative(*map(int, seen)),
         rotors.angle, rotors.speed, rotors.unit, rotors.inertia, rotors.inertia,
         np.ones(len(rotors.unit), bool),
-        others.column("place"), others.column("unit"), others.column("bus"), others.column("frequency"),
-        np.zeros(len(others.rows)), first, member, owner,
+        *_others(system).values(), first, member, owner,
         limits.state, limits.low, limits.high, limits.scale,
         system.draw_bus, system.near_bus, np.array([one.bus for one in watched], np.int64),
         np.array([one.low for one in watched], float), held.astype(np.int64), acting, order, begun, wanted,
@@ -167,9 +170,21 @@ def with_ratings(made: Places, system: System, **how: Any) -> Places:
 
     `how` is `acting`, `relay`, `follows`, `inertial` and `abrupt`.
     """
-    limits, others = system.limits, system.unweighted
-    place, unit, bus, speed = (others.column(name) for name in ("place", "unit", "bus", "frequency"))
-    made = made._replace(
-        other=place, other_unit=unit, other_bus=bus, other_speed=speed, other_weight=np.zeros(len(bus))
-    )
-    return made._replace(low=limits.low, high=limits.high, **how)
+    limits = system.limits
+    return made._replace(low=limits.low, high=limits.high, **_others(system), **how)
+
+
+def _others(system: System) -> dict[str, np.ndarray]:
+    """The columns of `Places` for the angles without weight."""
+    column = system.unweighted.column
+    return {
+        "other": column("place"),
+        "other_unit": column("unit"),
+        "other_bus": column("bus"),
+        "other_speed": column("frequency"),
+        "other_weight": np.zeros(len(column("place"))),
+        "other_energy": column("energy"),
+        "other_ip": column("current"),
+        "other_low": column("floor", float),
+        "other_high": column("capacity", float),
+    }
