@@ -143,7 +143,8 @@ def _angles(f: Family, nx: int) -> Iterator[Angle]:
     for w, k, key, H in zip(f.w, f.k, f.keys, inertia, strict=True):
         p = dict(zip(constants, k, strict=True))
         frequency = int(w[-1]) + outputs.index(speed) if speed in outputs else -1
-        range_ = (1 + p[limit] / p["wb"] if limit in p else inf for limit, inf in (("wmin", -np.inf), ("wmax", np.inf)))
+        least = 1 + p["wmin"] / p["wb"] if "wmin" in p else -np.inf
+        most = 1 + p["wmax"] / p["wb"] if "wmax" in p else np.inf
         unit = NO_UNIT if storage else int(w[family.UNIT])
         if not storage or p["mva"] > 0:
             bus, first = (int(w[family.BUS]) - nx) // 2, int(w[family.STATE])
@@ -151,7 +152,7 @@ def _angles(f: Family, nx: int) -> Iterator[Angle]:
             if storage and "energy" in states and "Ip" in outputs:
                 store = first + states.index("energy"), int(w[-1]) + outputs.index("Ip"), p["floor"], p["capacity"]
             place = first + states.index(name)
-            yield Angle(unit, bus, place, not f.device.pll, key, frequency, float(H), *range_, *store)
+            yield Angle(unit, bus, place, not f.device.pll, key, frequency, float(H), least, most, *store)
 
 
 def system(case: Case, flow: PowerFlow, net: Network) -> System:

@@ -156,12 +156,13 @@ def places(
     return Places(
         layout.nx, layout.step, Relative(*map(int, seen)),
         rotors.angle, rotors.speed, rotors.unit, rotors.inertia, rotors.inertia,
-        np.ones(len(rotors.unit), bool),
-        *_others(system).values(), first, member, owner,
-        limits.state, limits.low, limits.high, limits.scale,
-        system.draw_bus, system.near_bus, np.array([one.bus for one in watched], np.int64),
-        np.array([one.low for one in watched], float), held.astype(np.int64), acting, order, begun, wanted,
-        own.astype(np.int64), limits.stops, gated, relay, follows, inertial, abrupt,
+        np.ones(len(rotors.unit), bool), **_others(system), first=first, member=member, owner=owner,
+        limited=limits.state, low=limits.low, high=limits.high, scale=limits.scale,
+        draw_bus=system.draw_bus, near_bus=system.near_bus,
+        watch_bus=np.array([one.bus for one in watched], np.int64),
+        watch_low=np.array([one.low for one in watched], float),
+        held=held.astype(np.int64), acting=acting, order=order, begun=begun, wanted=wanted, own=own.astype(np.int64),
+        stops=limits.stops, gated=gated, relay=relay, follows=follows, inertial=inertial, abrupt=abrupt,
     )  # fmt: skip
 
 
@@ -174,7 +175,7 @@ def with_ratings(made: Places, system: System, **how: Any) -> Places:
     return made._replace(low=limits.low, high=limits.high, **_others(system), **how)
 
 
-def _others(system: System) -> dict[str, np.ndarray]:
+def _others(system: System) -> dict[str, Any]:
     """The columns of `Places` for the angles without weight."""
     column = system.unweighted.column
     return {
