@@ -37,7 +37,7 @@ from .trial import Margin, Run, Search, Trial
 if TYPE_CHECKING:
     from stabctl.judgment import Criteria
 
-FORMAT = 12
+FORMAT = 13
 FAULTS = "lines", "buses"
 ANSWER = "case", "status", "cycles", "seconds", "machine", "wall_s"
 NEAR = 0.5  # cycles   first stride from the answer of another contingency at the same place

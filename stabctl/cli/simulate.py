@@ -152,7 +152,7 @@ def _show(result: "Trajectory", as_json: bool, written: list[Path], said: str, *
     table.add_row("largest change of angle from the COI", f"{result.max_angle_from_coi_deg:.1f} degrees")
     table.add_row("simulated", f"{result.steps} steps in {result.wall_s:.3f} s")
     if result.idle:
-        table.add_row("storage", "idle: no law and no controller gives it orders")
+        table.add_row("storage", "without orders: no law and no controller gives it any")
     if result.step < steps.STEP / 4:
         table.add_row("short time step", f"{1e3 * result.step:.3g} ms{steps.forced_by(result.point)}")
     for k, line in enumerate(str(judged).splitlines() if judged else ()):

@@ -24,7 +24,7 @@ from stabctl.simulation.simulation import Simulation
 from stabctl.simulation.trajectory import Trajectory
 
 COARSE = 4  # points of the fine grid per point of the coarse one
-FORMAT = 5
+FORMAT = 6
 WATCHED = 10.0  # s   after clearing, in which the duty is measured
 ACTING = 0.02  # ratings   smaller orders count as none
 LAST = 0.5  # s   over which the final voltage is averaged

@@ -56,6 +56,10 @@ class Angle(NamedTuple):
     inertia: float  # s   on the system base, its weight in an island without rotors; 0 of a phase-locked loop
     least: float  # pu   of its frequency
     most: float  # pu
+    energy: int  # place of the energy of a grid-forming storage device, whose store may end the supply of an island
+    current: int  # place of its active current, pu delivered
+    floor: float  # pu s   energy when empty
+    capacity: float  # pu s   energy when full
 
 
 class Unweighted(NamedTuple):
@@ -66,6 +70,15 @@ class Unweighted(NamedTuple):
     def column(self, name: str, kind: type = np.int64) -> np.ndarray:
         """The column of this name."""
         return np.array([getattr(row, name) for row in self.rows], kind)
+
+
+class Watched(NamedTuple):
+    """A load or the terminal of a link, which counts as lost if its voltage stays low."""
+
+    bus: int  # row of its bus
+    other: int  # row of the bus of the other terminal, without whose voltage a link is blocked; of a load its own
+    low: float  # pu
+    name: str  # in messages
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +94,7 @@ class System:
     forming: np.ndarray  # (units) whether it is a voltage source
     fixed: np.ndarray  # (buses) admittances included in the network matrix, pu
     draw_bus: np.ndarray  # rows of the buses with voltage-dependent currents
-    watch_bus: np.ndarray  # rows of the buses of loads
-    watch_low: np.ndarray  # pu   voltages below which a load counts as lost
+    watched: tuple[Watched, ...]  # loads and links
     kept: dict[Any, Any] = field(default_factory=dict, repr=False)  # results computed once for all such systems
 
     def has(self, table: str) -> bool:
@@ -131,11 +143,16 @@ def _angles(f: Family, nx: int) -> Iterator[Angle]:
     for w, k, key, H in zip(f.w, f.k, f.keys, inertia, strict=True):
         p = dict(zip(constants, k, strict=True))
         frequency = int(w[-1]) + outputs.index(speed) if speed in outputs else -1
-        range_ = (1 + p[limit] / p["wb"] if limit in p else inf for limit, inf in (("wmin", -np.inf), ("wmax", np.inf)))
+        least = 1 + p["wmin"] / p["wb"] if "wmin" in p else -np.inf
+        most = 1 + p["wmax"] / p["wb"] if "wmax" in p else np.inf
         unit = NO_UNIT if storage else int(w[family.UNIT])
         if not storage or p["mva"] > 0:
-            bus, place = (int(w[family.BUS]) - nx) // 2, int(w[family.STATE]) + states.index(name)
-            yield Angle(unit, bus, place, not f.device.pll, key, frequency, float(H), *range_)
+            bus, first = (int(w[family.BUS]) - nx) // 2, int(w[family.STATE])
+            store = 0, 0, -np.inf, np.inf
+            if storage and "energy" in states and "Ip" in outputs:
+                store = first + states.index("energy"), int(w[-1]) + outputs.index("Ip"), p["floor"], p["capacity"]
+            place = first + states.index(name)
+            yield Angle(unit, bus, place, not f.device.pll, key, frequency, float(H), least, most, *store)
 
 
 def system(case: Case, flow: PowerFlow, net: Network) -> System:
@@ -149,7 +166,6 @@ def system(case: Case, flow: PowerFlow, net: Network) -> System:
     for f in families:
         if f.device.source is not None and f.device.role in devices.UNIT_ROLES:
             forming[unit[f.name]] = True
-    watched = [(b, low) for name, found in tables.items() for row in found for b, low in _watched(name, row)]
     buses = [f.w[:, [family.BUS, family.BUS2]].ravel() for f in draws]
     draw_bus = (np.unique(np.concatenate(buses)) - wired.nx) // 2 if buses else np.zeros(0, np.int64)
     return System(
@@ -162,17 +178,19 @@ def system(case: Case, flow: PowerFlow, net: Network) -> System:
         forming,
         fixed,
         draw_bus.astype(np.int64),
-        np.array([b for b, _ in watched], np.int64),
-        np.array([low for _, low in watched], float),
+        tuple(one for name, found in tables.items() for row in found for one in _watched(name, row)),
     )
 
 
-def _watched(name: str, row: Row) -> Iterator[tuple[int, float]]:
-    """Rows of the buses where a load or link counts as lost below a voltage (pu), and this; none of an admittance."""
+def _watched(name: str, row: Row) -> Iterator[Watched]:
+    """What is watched of a load or link: no admittance, and no terminal without power."""
     device = devices.every()[name]
-    if device.role in ("load", "link") and "vlow" in device.Par._fields:
-        for bus in dict.fromkeys((row.bus, row.bus2)):
-            yield bus, row.par.vlow
+    if device.role == "link":
+        for bus, other, power in ((row.bus, row.bus2, row.par.Prec), (row.bus2, row.bus, row.par.Pinv)):
+            if power:
+                yield Watched(bus, other, row.par.vlow, f"HVDC {row.key}")
+    elif device.role == "load" and "vlow" in device.Par._fields:
+        yield Watched(row.bus, row.bus, row.par.vlow, "its load")
 
 
 def _rotors(families: Iterable[Family], unit: Mapping[str, list[int]]) -> Rotors:

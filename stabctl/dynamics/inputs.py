@@ -19,7 +19,7 @@ from .extension import Extension
 from .layout import SetPoint, StatePlace
 from .operating_point import OperatingPoint
 from .rows import NO_UNIT
-from .signals import OF_CONVERTER, OF_STORAGE, Signal, port
+from .signals import CONTROLS, OF_CONVERTER, OF_STORAGE, Signal, port
 
 ADDED = "added Vs"  # set-point that an exciter reads beside its stabilizers
 SETPOINT_OF = {
@@ -146,7 +146,26 @@ def place(point: OperatingPoint, signal: Signal) -> int:
         )
     if found is None:
         raise StudyError(f"{signal.label} of {case.name} is set by another device, so it is not an input.")
+    if signal.kind in ("qset", "vset") and (why := _unread(point, signal)):
+        raise StudyError(f"Unit {signal.number} of {case.name} {why}.")
     return found
+
+
+def _unread(point: OperatingPoint, signal: Signal) -> str:
+    """Why the controls of a converter do not read a set-point of reactive power or voltage; empty if they do."""
+    flags: dict[str, float] = {}
+    for f in point.system.families:
+        if f.device.role in CONTROLS:
+            for k in f.k[f.w[:, family.UNIT] == _unit(point, signal)]:
+                flags |= zip(f.device.Par._fields, k, strict=True)
+    if flags.get("PfFlag", 0) > 0.5:
+        return f"keeps its power factor (PfFlag = 1), so {signal.kind} has no effect on it; set PfFlag = 0"
+    holds, other = ("voltage", "vset") if flags.get("RefFlag", 0) > 0.5 else ("reactive power", "qset")
+    if "RefFlag" in flags and other != signal.kind:
+        return (
+            f"controls its {holds} (RefFlag = {flags['RefFlag']:g}), so {signal.kind} has no effect on it; give {other}"
+        )
+    return ""
 
 
 def _without_effect(point: OperatingPoint, signal: Signal, row: int) -> str:

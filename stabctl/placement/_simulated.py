@@ -26,7 +26,7 @@ from stabctl.simulation.trajectory import Trajectory
 from .contingencies import target_cycles, without_fault
 from .siting_rows import SAME
 
-FORMAT = 11
+FORMAT = 12
 GRID = 0.125  # cycles
 What = Literal["outcome", "peak", "energy", "currents", "critical time"]
 

@@ -65,6 +65,7 @@ class Watch(NamedTuple):
     angles: np.ndarray  # (2, m), rad   before the first event, and the largest change since, relative to the COI
     turned: np.ndarray  # (2, m), pu and pu/s   speed after the last step, and its mean rate in it; of virtual rotors
     others: np.ndarray  # (angles without weight), rad   before the first event
+    spent: np.ndarray  # (angles without weight), s   time over which an island takes the power of a store that ends it
     off: np.ndarray  # (3, m + angles without weight), s, s and pu   time outside the frequency range, longest, how far
     low: np.ndarray  # (2, loads), s and pu   time below the threshold of the load, and how far below
     turns: np.ndarray  # (2, storage devices), -1, 0, 1, and 1/s   side of the last full order, recent changes of it
@@ -108,7 +109,8 @@ def buffers(s: np.ndarray, layout: "Layout", places: "Places") -> Run:
     angles, turned = zeros((2, m)), zeros((2, m))
     angles[0], turned[0] = s[places.rotor], s[places.speed]
     low, turns = zeros((2, len(places.watch_bus))), zeros((2, len(places.order)))
-    watch = Watch(angles, turned, s[places.other], zeros((3, m + len(places.other))), low, turns, zeros((4, nb)))
+    spent, off = zeros(len(places.other)), zeros((3, m + len(places.other)))
+    watch = Watch(angles, turned, s[places.other], spent, off, low, turns, zeros((4, nb)))
     n = len(places.order) if places.inertial else 0
     loop = Loop(zeros((n, n)), zeros((n, n + 1)), zeros((2, n)), np.zeros(1, np.int64))
     late, notes = np.full(1, -1.0), zeros(len(NOTE), np.int64)

@@ -9,7 +9,9 @@ from ._switching import coi
 FULL = 0.9  # of the rating: orders beyond it count as full
 MEMORY = 2.0  # s   over which reversals are counted
 BEHIND = 0.01  # of the rating: orders further from what is wanted are held back by a ramp limit
-DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, FREQUENCY, UNLOCKED, NEWTON = range(8)
+HELD = 0.5  # s   in which a grid-forming device gives up its power when its store is empty or full
+IDLE = 0.01  # pu   current of the device that counts as power
+DONE, SLIPPED, NO_VOLTAGE, LOW_VOLTAGE, RUNAWAY, FREQUENCY, UNLOCKED, EMPTY, FULL_STORE, NEWTON = range(10)
 
 
 @inline
@@ -90,7 +92,7 @@ def count_reversals(places, run, h):
 
 @noinline
 def judge(places, net, run, rules, h):
-    """Check synchronism, speeds, frequencies and load voltages by the criterion, and update the peak values.
+    """Check synchronism, speeds, frequencies, stores and load voltages by the criterion, and update the peak values.
 
     Frequencies and voltages are timed from the instants at which they cross their limits within a step; `late` is the
     time by which the end of the step is later than a verdict on them.
@@ -121,6 +123,12 @@ def judge(places, net, run, rules, h):
         k = island_alone(i, places, net)
         speed = run.s[places.other_speed[i]] if k >= 0 else 1.0
         verdict = after_speed(verdict, j, speed, k, run, rules, h)
+        energy, ip = run.s[places.other_energy[i]], run.s[places.other_ip[i]]
+        spent = (energy <= places.other_low[i] and ip > IDLE) or (energy >= places.other_high[i] and ip < -IDLE)
+        watch.spent[i] = watch.spent[i] + h if spent and k >= 0 else 0.0
+        if verdict == DONE and watch.spent[i] > HELD:
+            verdict, notes[NOTE.rotor], notes[NOTE.bus] = EMPTY if ip > 0 else FULL_STORE, j, places.other_bus[i]
+            late[0] = watch.spent[i]
     if verdict == DONE and rules.low_voltage_s > 0 and not net.faulted:
         for j in range(len(places.watch_bus)):
             b = places.watch_bus[j]

@@ -66,6 +66,10 @@ class Places(NamedTuple):
     other_bus: np.ndarray  # (angles without weight) rows of their buses
     other_speed: np.ndarray  # (angles without weight) their frequencies, -1: none
     other_weight: np.ndarray  # (angles without weight) s   in the center of inertia of an island without rotors, else 0
+    other_energy: np.ndarray  # (angles without weight) energies of storage
+    other_ip: np.ndarray  # (angles without weight) active currents that it delivers
+    other_low: np.ndarray  # (angles without weight) pu s   energies when empty
+    other_high: np.ndarray  # (angles without weight) pu s   energies when full
     first: np.ndarray  # (rotor units + 1) where the group of each begins in `member`
     member: np.ndarray  # (members of all groups) rotor units of the groups, one group after the other
     owner: np.ndarray  # (signals) row of the unit that owns the signal, -1: none
@@ -75,8 +79,8 @@ class Places(NamedTuple):
     scale: np.ndarray  # (limits) signals that multiply the limits
     draw_bus: np.ndarray  # (drawing buses) rows of the buses with voltage-dependent currents
     near_bus: np.ndarray  # (iterated buses) the same, and remote buses whose voltages these currents depend on
-    watch_bus: np.ndarray  # (loads) rows of their buses
-    watch_low: np.ndarray  # (loads) pu   voltages below which they count as lost
+    watch_bus: np.ndarray  # (loads and terminals of links) rows of their buses
+    watch_low: np.ndarray  # (loads and terminals of links) pu   voltages below which they count as lost, 0: blocked
     held: np.ndarray  # (held) what laws and gates write: orders, then whether a gate is open; constant over a part
     acting: np.ndarray  # rows of `held` that change a power: gates, and orders of devices with a rating
     order: np.ndarray  # (storage devices) what they read their orders from, in the order of the case's table
@@ -144,7 +148,7 @@ def places(
     abrupt
         Whether they may jump while they follow the signals.
     """
-    rotors, limits, others = system.rotors, system.limits, system.unweighted
+    rotors, limits, watched = system.rotors, system.limits, system.watched
     first = np.cumsum([0, *(len(group) for group in groups)], dtype=np.int64)
     member = np.concatenate([np.zeros(0, np.int64), *groups]).astype(np.int64)
     owner = np.full(layout.size, -1, np.int64)
@@ -152,12 +156,13 @@ def places(
     return Places(
         layout.nx, layout.step, Relative(*map(int, seen)),
         rotors.angle, rotors.speed, rotors.unit, rotors.inertia, rotors.inertia,
-        np.ones(len(rotors.unit), bool),
-        others.column("place"), others.column("unit"), others.column("bus"), others.column("frequency"),
-        np.zeros(len(others.rows)), first, member, owner,
-        limits.state, limits.low, limits.high, limits.scale,
-        system.draw_bus, system.near_bus, system.watch_bus, system.watch_low, held.astype(np.int64), acting, order,
-        begun, wanted, own.astype(np.int64), limits.stops, gated, relay, follows, inertial, abrupt,
+        np.ones(len(rotors.unit), bool), **_others(system), first=first, member=member, owner=owner,
+        limited=limits.state, low=limits.low, high=limits.high, scale=limits.scale,
+        draw_bus=system.draw_bus, near_bus=system.near_bus,
+        watch_bus=np.array([one.bus for one in watched], np.int64),
+        watch_low=np.array([one.low for one in watched], float),
+        held=held.astype(np.int64), acting=acting, order=order, begun=begun, wanted=wanted, own=own.astype(np.int64),
+        stops=limits.stops, gated=gated, relay=relay, follows=follows, inertial=inertial, abrupt=abrupt,
     )  # fmt: skip
 
 
@@ -166,9 +171,21 @@ def with_ratings(made: Places, system: System, **how: Any) -> Places:
 
     `how` is `acting`, `relay`, `follows`, `inertial` and `abrupt`.
     """
-    limits, others = system.limits, system.unweighted
-    place, unit, bus, speed = (others.column(name) for name in ("place", "unit", "bus", "frequency"))
-    made = made._replace(
-        other=place, other_unit=unit, other_bus=bus, other_speed=speed, other_weight=np.zeros(len(bus))
-    )
-    return made._replace(low=limits.low, high=limits.high, **how)
+    limits = system.limits
+    return made._replace(low=limits.low, high=limits.high, **_others(system), **how)
+
+
+def _others(system: System) -> dict[str, Any]:
+    """The columns of `Places` for the angles without weight."""
+    column = system.unweighted.column
+    return {
+        "other": column("place"),
+        "other_unit": column("unit"),
+        "other_bus": column("bus"),
+        "other_speed": column("frequency"),
+        "other_weight": np.zeros(len(column("place"))),
+        "other_energy": column("energy"),
+        "other_ip": column("current"),
+        "other_low": column("floor", float),
+        "other_high": column("capacity", float),
+    }

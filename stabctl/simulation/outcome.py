@@ -46,7 +46,7 @@ class Outcome:
     message: str
     time_s: float  # s   when it ended
     machine: int | str | None = None  # that lost synchronism first: its name or number, or "ESD 1@2" of storage
-    bus: int | None = None  # number of the bus whose voltage collapsed
+    bus: int | None = None  # number of the bus whose voltage collapsed, or whose storage is empty or full
     swings: Swings | None = None  # the last ones of a run that reached its end; None if they are not judged
     stalled: tuple[int, ...] = ()  # numbers of the buses whose motor loads have stalled at the end
     cycling: tuple[str, ...] = ()  # storage devices in a limit cycle at full power at the end
@@ -121,10 +121,16 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             text = f"Voltage collapse at bus {bus} at {t:.3f} s: the network equations have no solution."
         case _judgment.LOW_VOLTAGE:
             kind, blamed = Kind.VOLTAGE_COLLAPSE, bus
+            watched = (one for one in point.system.watched if one.bus == end.bus and end.stage.net.alive[one.other])
+            lost = max(watched, key=lambda one: one.low).name
             text = (
-                f"Voltage collapse at bus {bus} at {t:.3f} s: its voltage stayed below the limit of its load "
+                f"Voltage collapse at bus {bus} at {t:.3f} s: its voltage stayed below the limit of {lost} "
                 f"for {criterion.low_voltage_s:g} s without a fault."
             )
+        case _judgment.EMPTY | _judgment.FULL_STORE:
+            kind, blamed, empty = Kind.VOLTAGE_COLLAPSE, bus, end.verdict == _judgment.EMPTY
+            state, need = ("empty", "needs its power") if empty else ("full", "has more power than it needs")
+            text = f"S{called[1:]} is {state} at {t:.3f} s, and its island, which has no machine, {need}: it is lost."
         case _ if not end.weight.any():
             text = f"Every island kept its voltage until {t:.3f} s; without a rotor, synchronism is not judged."
         case _ if cut:

@@ -25,6 +25,8 @@ def prepare() -> None:
         "weight": none,
         "judged": np.zeros(0, bool),
         "other_weight": none,
+        "other_low": none,
+        "other_high": none,
         "low": none,
         "high": none,
         "watch_low": none,

@@ -56,7 +56,9 @@ class Setup:
                 places = places._replace(weight=rotors.of_machines(net.island))
             turned = np.isin(net.island_at[places.other_bus], net.island[rotors.unit])  # by rotors
             alone = np.where(turned, 0.0, self.point.system.unweighted.column("inertia", float))
-            self._on[switching] = Connected(network, program, places._replace(other_weight=alone))
+            other = np.array([one.other for one in self.point.system.watched], np.int64)
+            low = np.where(net.alive[other], places.watch_low, 0.0)
+            self._on[switching] = Connected(network, program, places._replace(other_weight=alone, watch_low=low))
         return self._on[switching]
 
 

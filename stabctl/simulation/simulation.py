@@ -28,7 +28,7 @@ from .trajectory import Happened, Trajectory
 FURTHER = 5.0  # s   by which a run is continued while its swings may grow
 REVERSALS = 5.0  # 1/s   of full power, from which on a storage device is in a limit cycle; swings make up to 4
 SLOW = 0.75  # 1/s   the same in swings that last: two reversals within the last 1.4 s, or more
-TIMED = _judgment.LOW_VOLTAGE, _judgment.FREQUENCY  # verdicts whose instant lies within a step
+TIMED = _judgment.LOW_VOLTAGE, _judgment.FREQUENCY, _judgment.EMPTY, _judgment.FULL_STORE  # whose instant is earlier
 
 
 class Simulation:

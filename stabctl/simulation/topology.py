@@ -82,18 +82,20 @@ def _stage(point: OperatingPoint, switching: Switching) -> Stage:
             f"The network of {point.case.name} has no solution after switching, because admittances cancel; check "
             "shunts and series capacitors."
         ) from None
-    changed = *loads, *_blocked(point, alive), *_measured(point, switching)
+    changed = *loads, *_switched_off(point, alive), *_measured(point, switching)
     net = Net(factors, island, at, len(numbers), alive, switching.faulted, bool((island >= 0).all()))
     return Stage(net, changed, where, Y, point.system.draw_bus)
 
 
-def _blocked(point: OperatingPoint, alive: np.ndarray) -> Iterator[tuple[str, int, Any]]:
-    """The links with a terminal in a blacked-out island, blocked; a fault at a terminal blocks none."""
+def _switched_off(point: OperatingPoint, alive: np.ndarray) -> Iterator[tuple[str, int, Any]]:
+    """Links with a terminal in a blacked-out island, blocked, and storage behind converters there, with a size of 0."""
     for f in point.system.families:
-        if f.device.role == "link":
+        link = f.device.role == "link"
+        if link or (f.device.role == "storage" and "mva" in f.device.Par._fields):
             bus = (f.w[:, [family.BUS, family.BUS2]] - point.layout.nx) // 2
             for j in np.flatnonzero(~alive[bus].all(axis=1)):
-                yield f.name, int(j), f.device.call("blocked", f.device.Par(*f.k[j]))
+                par = f.device.Par(*f.k[j])
+                yield f.name, int(j), f.device.call("blocked", par) if link else par._replace(mva=0.0)
 
 
 def _measured(point: OperatingPoint, switching: Switching) -> Iterator[tuple[str, int, Any]]:

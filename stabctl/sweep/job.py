@@ -32,7 +32,7 @@ from stabctl.simulation.simulate import simulate
 from stabctl.simulation.trajectory import Trajectory
 
 JobKind = Literal["clearing-time", "simulate"]
-FORMAT = 13  # of keys and rows; raised when a job or a result changes its meaning
+FORMAT = 14  # of keys and rows; raised when a job or a result changes its meaning
 
 
 class Job(NamedTuple):

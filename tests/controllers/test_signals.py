@@ -157,6 +157,31 @@ def test_signals_that_are_refused(cases, reads, drives, says):
         base.simulate(until="0.1s", control=one)
 
 
+@pytest.mark.parametrize(
+    ("electrical", "plant", "drive", "says"),
+    [
+        ({"PfFlag": 1}, None, "qset:3", r"keeps its power factor \(PfFlag = 1\), so qset .*; set PfFlag = 0"),
+        ({"PfFlag": 1}, {"RefFlag": 1}, "vset:3", "keeps its power factor"),
+        ({}, {"RefFlag": 0}, "vset:3", r"controls its reactive power \(RefFlag = 0\), so vset .*; give qset"),
+        ({}, {"RefFlag": 1}, "qset:3", r"controls its voltage \(RefFlag = 1\), so qset .*; give vset"),
+        ({}, {"RefFlag": 1}, "vset:3", None),
+        ({}, {"RefFlag": 0}, "qset:3", None),
+        ({}, None, "qset:3", None),
+    ],
+)
+def test_a_set_point_that_nothing_reads_is_refused_and_the_others_have_an_effect(electrical, plant, drive, says):
+    case = st.load("two_area").with_device("regc_a", 3).with_device("reec_a", 3, **electrical)
+    base = (case if plant is None else case.with_device("repc_a", 3, Kp=0.5, **plant)).initialize()
+    one = st.Controller.from_function(lambda _: np.array([-0.1]), "voltage:5", drive, rate=10)
+    if says:
+        with pytest.raises(StudyError, match=f"Unit 3 of two_area {says}"):
+            base.simulate(until="0.3s", control=one)
+        with pytest.raises(StudyError, match=says):
+            base.linearize(drive, "voltage:5")
+    else:
+        assert np.ptp(base.simulate(until="1s", control=one).voltage.sel(bus=3).values) > 1e-3
+
+
 def test_a_command_that_a_control_gives_is_refused():
     """With an electrical control, the current command is its output."""
     base = operating_point.solve(small((KINDS | LIBRARY)["reec_c"]))

@@ -9,6 +9,7 @@ from systems import DER, PLANT, REEC, REGC, small
 from stabctl import devices
 from stabctl._util.errors import EquilibriumError, LinearizationError
 from stabctl._util.schema import fields
+from stabctl.controllers import Controller
 from stabctl.devices.blocks import lookup
 from stabctl.devices.converters.electrical import NO_LIMIT, rising
 from stabctl.dynamics import operating_point
@@ -228,6 +229,24 @@ def test_an_empty_battery_stops_discharging_and_charges_again():
     assert out[:, current].min() == pytest.approx(0.2 - 0.0, abs=2e-2)
     assert out[t > 2.9, current][0] > 0.3
     assert ip[(t > 2.2)].max() < -0.4
+
+
+@pytest.mark.parametrize("step", [None, 1 / 960])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_battery_that_delivers_or_charges_at_the_start_stops_at_its_limit_of_charge(sign, step):
+    """An order of 0.4 instead of 0.2 pu moves 0.1 T in half a second; turned, the battery works again."""
+    par = reec_c.Par(0, 0, 0, T=1.0, SOCini=0.5, SOCmin=0.4, SOCmax=0.6, Imax=1.5, Pmin=-1.0)
+    point = operating_point.solve(small({"regc_a": REGC, "reec_c": par}, p=sign * 80.0))
+
+    def orders(now):
+        return sign * np.array([0.2 if 0.5 <= now.time < 2.5 else -0.4 if now.time >= 2.5 else 0.0])
+
+    act = Controller.from_function(orders, "voltage:1", "pset:1", rate=60)
+    run = simulation.run(point, control=act, until=3.0, step=step)
+    P = sign * run.rows[:, point.layout.signals[0, "P"]]
+    assert P[(run.time > 0.7) & (run.time < 0.95)] == pytest.approx(0.4, abs=1e-3)
+    assert np.abs(P[(run.time > 1.5) & (run.time < 2.5)]).max() < 1e-6
+    assert P[-1] == pytest.approx(-0.2, abs=1e-3)
 
 
 def test_curves_of_current_over_voltage_limit_it():

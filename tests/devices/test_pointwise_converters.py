@@ -118,7 +118,7 @@ def electrical(p, x, u, _):
     if storage:
         wanted["soc"] = (p.P0 - u.P) / p.T
         if (x.soc <= p.SOCmin and ip > 0) or (x.soc >= p.SOCmax and ip < 0):
-            ip = 0.0
+            ip = wanted["soc"] = 0.0
     return wanted | {"Ipcmd": ip, "Iqcmd": iq}
 
 

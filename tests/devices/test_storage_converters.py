@@ -390,6 +390,17 @@ def test_grid_forming_storage_keeps_its_island_alive_and_grid_following_storage_
         assert (V > 0.3) == alive, (model, V)
 
 
+@pytest.mark.parametrize("model", [*FOLLOWING, "supercap_regc_c"])
+def test_grid_following_storage_of_a_blacked_out_island_is_off(model):
+    """Also where its current does not vanish with the voltage."""
+    point = operating_point.solve(with_esd(storage_model=model, energy=0.5))
+    run = simulate(point, [Open("2-3", 0.5), Open("2-3#2", 0.5), Open("1-2", 0.5)], 1.0, criterion=KEEP_ON)
+    off = run.time > 0.5
+    assert np.abs(run.arrays.V[off, 1]).max() == 0
+    assert np.abs(run.arrays.storage[off]).max() == 0
+    assert np.ptp(run.arrays.energy[off]) == 0
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -124,8 +124,8 @@ def of_converters():
     second_one = PSS._replace(K=-3.0, Tw=2.0, T1=0.2)
     sum_of = replace(case, devices={**case.devices, "pss": {1: PSS, "1#2": second_one, "1#3": PSS._replace(K=0.7)}})
     return {
-        "plant": small(LIBRARY["repc_a, voltage"]).linearize("pset, qset:1, vset", "pe:1, qe, vt:1, voltage:2"),
-        "power": small(LIBRARY["reec_b, voltage"]).linearize("pset:1, qset, vset", "pe:1, qe:1, vt:1, current:1-2"),
+        "plant": small(LIBRARY["repc_a, voltage"]).linearize("pset, vset", "pe:1, qe, vt:1, voltage:2"),
+        "power": small(LIBRARY["reec_b, voltage"]).linearize("pset:1", "pe:1, qe:1, vt:1, current:1-2"),
         "alone": small(KINDS["converter"]).linearize("ipcmd, iqcmd", "pe:1, qe:1, frequency:2, coi_speed"),
         "sum": sum_of.linearize("vs, vref:1, pref:1", "vs:1, efd:1, speed:1, rocof:2, bus_frequency:2"),
     }

@@ -11,7 +11,7 @@ from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model import network
 from stabctl.model.network import Switching
-from stabctl.model.tables import Branch, Bus, Load, Storage
+from stabctl.model.tables import Branch, Bus, Link, Load, Storage
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import (
@@ -226,3 +226,17 @@ class TestCollapse:
         assert run(point, fault, 1.5, criterion=Criterion(max_angle=np.inf)).outcome.kind != "voltage_collapse"
         step = [LoadStep(2, 0.5, 3000.0, 1000.0)]
         assert run(point, step, 2.0, criterion=KEEP_ON).outcome.kind != "voltage_collapse"
+
+    @pytest.mark.parametrize(
+        ("power", "blocked", "kind"), [(20.0, 0, "voltage_collapse"), (0.0, 0, "stable"), (20.0, 1, "islanded")]
+    )
+    def test_it_is_that_of_a_link_only_where_the_link_has_current(self, power, blocked, kind):
+        """Loads of constant admittance are not watched; the link from bus 2 ends at bus 4, which a breaker cuts off."""
+        case, link = small({"gencls": CLASSICAL}), Link("L", 2, 4, power, 0.0)
+        buses, branches = (*case.buses, Bus(4, "pq")), (*case.branches, Branch(3, 4, 0.0, 0.1))
+        case = replace(case, buses=buses, branches=branches, links=(link,))
+        cut = [Open("3-4", 0.5)] if blocked else []
+        events = [*cut, LoadStep(2, 1.0, 20.0, 9000.0)]
+        end = run(operating_point.solve(case), events, 2.0, criterion=Criterion(max_angle=np.inf)).outcome
+        assert (end.kind, end.bus) == (kind, 2 if kind == "voltage_collapse" else None)
+        assert ("its voltage stayed below the limit of HVDC link L for 0.5 s" in str(end)) == (end.bus == 2)

@@ -10,10 +10,10 @@ from stabctl.simulation.events import Clear, Fault
 TRIPS = ["1@1s", "2@1s", "3@1s"]  # all machines of wscc9
 
 
-def fleet(*droops, mw=(300.0, 150.0), model="regfm"):
+def fleet(*droops, mw=(300.0, 150.0), model="regfm", energy=(0.0, 0.0)):
     """wscc9 with a device at bus 4 and another at bus 7."""
-    where = zip((1, 2), (4, 7), mw, droops, strict=True)
-    rows = [Storage(n, bus, p, storage_model=model, converter=f"mp={mp}") for n, bus, p, mp in where]
+    where = zip((1, 2), (4, 7), mw, droops, energy, strict=True)
+    rows = [Storage(n, bus, p, energy=E, storage_model=model, converter=f"mp={mp}") for n, bus, p, mp, E in where]
     return st.load("wscc9").with_storage(rows).initialize()
 
 
@@ -84,3 +84,28 @@ def test_a_device_of_zero_size_supplies_nothing():
     run = fleet(0.01, 0.01).resized([0.0, 0.0]).simulate(TRIPS, "2s")
     assert str(run.outcome).startswith("The system is blacked out at 1.000 s: ")
     assert np.abs(run.voltage.values[-1]).max() == 0
+
+
+@pytest.mark.parametrize("model", ["regfm", "regfm_b1"])
+@pytest.mark.parametrize(("mw", "charge", "needs"), [(30, 0, "needs its power"), (-20, 1, "more power than it needs")])
+def test_it_is_lost_when_the_store_is_empty_or_full(model, mw, charge, needs):
+    """Bus 8 alone: 10 kWh in a store of 20 kWh, and a load or an infeed that it cannot carry for a second more."""
+    opened = ["7-8@1s", "7-8#2@1s", "8-9@1s", "8-9#2@1s"]
+    case = st.load("two_area").with_storage("1@8=50MW", storage_model=model, energy="20kWh")
+    run = case.simulate([f"8:{mw:+}MW@0.5s", *opened], "6s")
+    end, share = run.outcome, run.arrays.energy[:, 0] / 0.02
+    assert (end.kind, end.bus, end.machine, end.stable) == ("voltage_collapse", 8, None, False)
+    assert f"Storage device ESD 1@8 is {('empty', 'full')[charge]} at {end.time_s:.3f} s" in str(end)
+    assert needs in str(end)
+    assert np.interp(end.time_s, run.time, share) == pytest.approx(charge, abs=0.01)
+    assert run.time[-1] == pytest.approx(end.time_s + 0.5, abs=0.02)
+
+
+@pytest.mark.parametrize("model", ["regfm", "regfm_b1"])
+def test_beside_another_device_an_empty_one_is_relieved(model):
+    run = fleet(0.01, 0.01, mw=(600.0, 300.0), model=model, energy=(0.0, 0.05)).simulate(TRIPS, "6s")
+    assert run.outcome.kind == "stable"
+    P, share = run.storage.values[:, 1], run.arrays.energy[:, 1] / 0.05
+    assert P.min() < -80
+    assert abs(P[run.time > 5].mean()) < 1
+    assert -0.1 < share.min() < 0.01

@@ -10,7 +10,7 @@ SOCini - (P - P0)/(sT) -> SOC, between SOCmin and SOCmax: at SOCmin no discharge
 vf = vt/(1+sTrv). Iqmax is the least of Imax and the curve VDL1 (vf), Ipmax of the curve VDL2 (vf) and what Imax leaves
 beside Iqcmd; with PqFlag = 1 the active current comes first. Outside Vdip..Vup integrals, lagged current and power
 order stay as they are. The charge counts the power beyond that of the start, so that nothing moves while nothing
-happens.
+happens; where it stops the current it rests, until the order turns.
 Source: WECC Renewable Energy Modeling Task Force, WECC Battery Storage Dynamic Modeling Guideline (2016), REEC_C; PSS/E
 Model Library, REECC1.
 """
@@ -126,6 +126,7 @@ def equations(x, u, p):
     """Current commands (pu), and state derivatives (1/s)."""
     vf, _ = lag(p.Trv, u.vt, x.vm)
     ip, iq, d = commands(x, u, p, Own(u.Pref, 0.0, vf, 0.0, -1.0, 0.0, *curves(vf, p)))
-    d_soc = (p.P0 - u.P) / p.T if p.running > 0.5 else 0 * x.soc
+    given = available(ip, x.soc, p.SOCmin, p.SOCmax)
+    d_soc = (p.P0 - u.P) / p.T if p.running > 0.5 and given == ip else 0 * x.soc
     rates = State(vm=d.vm, pf=d.pf, vq=d.vq, iv=d.iv, iq=d.iq, pord=d.pord, soc=d_soc)
-    return Output(available(ip, x.soc, p.SOCmin, p.SOCmax), iq), rates
+    return Output(given, iq), rates
