@@ -28,7 +28,7 @@ from .trial import Search, Trial
 
 CLEARED = 0.1  # s   clearing time of every run: six cycles of 60 Hz, five of 50 Hz
 WATCHED = 2.0  # s   after clearing: swings between areas come to their first peak
-FORMAT = 5
+FORMAT = 6
 
 
 class Severity(NamedTuple):
