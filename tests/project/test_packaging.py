@@ -50,7 +50,7 @@ def test_a_case_runs_from_the_wheel(installed, tmp_path):
     for path in (package, *package.rglob("*")):
         if path.is_dir():
             path.chmod(0o555)
-    words = ["simulate", "two_area", "--fault", "7-8@0.4", "--clear", "21cyc", "--storage", "50MW", "--json"]
+    words = ["simulate", "two_area", "--classical", "--fault", "7-8@0.4", "--clear", "10cyc", "--json"]
     done = subprocess.run([program, *words], **told)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["outcome"] == "stable"
@@ -84,8 +84,8 @@ def compiled(tmp_path_factory):
 def simulated(compiled, tmp_path):
     """What a command prints without numba and without a cache."""
 
-    def run(code=WITHOUT_NUMBA):
-        words = ["simulate", "two_area", "--fault", "7-8@0.4", "--clear", "21cyc", "--storage", "50MW", "--json"]
+    def run(code, *how):
+        words = ["simulate", "two_area", "--fault", "7-8@0.4", "--clear", "10cyc", "--json", *how]
         where = ALONE | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(compiled)}
         command = [sys.executable, "-c", code, *words]
         return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=where)
@@ -94,7 +94,7 @@ def simulated(compiled, tmp_path):
 
 
 def test_a_wheel_with_machine_code_runs_without_numba(simulated, tmp_path):
-    done = simulated()
+    done = simulated(WITHOUT_NUMBA, "--storage", "50MW")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["outcome"] == "stable"
     assert "compiling" not in done.stderr
@@ -107,7 +107,8 @@ def test_a_library_that_is_cut_is_not_opened(compiled, simulated):
     whole = library.read_bytes()
     library.write_bytes(whole[: len(whole) // 2])
     try:
-        done = simulated(WITHOUT_NUMBA.partition("sys.modules")[0] + "from stabctl.__main__ import main\nmain()")
+        code = WITHOUT_NUMBA.partition("sys.modules")[0] + "from stabctl.__main__ import main\nmain()"
+        done = simulated(code, "--classical")
     finally:
         library.write_bytes(whole)
     assert done.returncode == 0, done.stderr
