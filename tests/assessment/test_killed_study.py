@@ -17,7 +17,7 @@ from stabctl.clearing.index import INDEX
 from stabctl.clearing.screen import PLACE
 from stabctl.jobs.store import rows
 
-KILLS = 6
+KILLS = 4
 INSECURE = 1
 
 
