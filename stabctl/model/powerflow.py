@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TOLERANCE = 1e-8  # MVA   largest power mismatch (1e-10 pu on 100 MVA)
-CURRENT_TOLERANCE = 1e-4  # pu   largest current mismatch
+CURRENT_TOLERANCE = 0.01  # MVA at 1 pu voltage   largest current mismatch (1e-4 pu on 100 MVA)
 LOW = 0.8  # pu   lowest voltage of a solution below which other starts are tried: there may be one above it
 KEPT = 4  # sparsities of Jacobians, of the latest systems
 SYMMETRIC: dict[str, Any] = {  # of SuperLU: pivots on the diagonal if they are large enough, columns one by one
@@ -292,9 +292,9 @@ class Equations:
         good = np.isfinite(F).all() and (not len(self.q) or size[self.q].min() > 0)
         return Voltages(size, angle, V, power, F, float(np.abs(F).max(initial=0.0)) if good else np.inf)
 
-    def balances_currents(self, now: Voltages) -> bool:
-        """Whether the currents of every bus add up to 0; where V goes to 0, only its powers V I* do."""
-        return bool((self.per_bus(now.F) / now.size).max() < CURRENT_TOLERANCE)
+    def current(self, now: Voltages) -> float:
+        """The largest current mismatch, pu, which stays where a voltage V goes to 0 though its power V I* does, too."""
+        return float((self.per_bus(now.F) / now.size).max())
 
     @cached_property
     def _pattern(self) -> _Pattern:
@@ -360,7 +360,7 @@ def newton_power_flow(
     with np.errstate(all="ignore"):
         now, iteration = equations.at(size, angle), 0
         for iteration in range(limit + 1):
-            if now.worst < TOLERANCE / case.base_mva and equations.balances_currents(now):
+            if now.worst < TOLERANCE / case.base_mva and equations.current(now) < CURRENT_TOLERANCE / case.base_mva:
                 return now.V, iteration
             if now.worst == np.inf:
                 break

@@ -304,6 +304,7 @@ def _unbalanced(case: Case) -> Iterator[Finding]:
     known = np.array([(b.kind != "swing", b.kind == "pq") for b in case.buses])
     parts = np.stack([mismatch.real, mismatch.imag], axis=1)
     out = known & (np.abs(parts) > limit)
-    for i, part in np.argwhere(out).tolist() if out.any(axis=1).sum() <= MOST_UNBALANCED else ():
+    out[:, 1] &= out.any(axis=1).sum() <= MOST_UNBALANCED
+    for i, part in np.argwhere(out).tolist() if out[:, 0].sum() <= MOST_UNBALANCED else ():
         bus, value, unit = f"bus {case.buses[i].bus}", float(parts[i, part]) * case.base_mva, ("MW", "Mvar")[part]
         yield Finding("buses", bus, "mismatch at stored voltages", value, unit, 0.0, 0.0, NEAR_BUS)
