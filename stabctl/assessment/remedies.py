@@ -86,6 +86,7 @@ def _remark(change: Change, after: Study, why: str) -> str:
     lost = dict.fromkeys(m.found.contingency.label for m in after.insecure)
     unsolved, others = ([one for one in lost if (one in change.unsolved) == of] for of in (True, False))
     said = (
+        f"With it, {after.unstable}." * bool(after.unstable),
         f"Nothing was found for {listed(unsolved)}." if unsolved else "",
         f"Lost with it: {listed(others)}." if others else "",
         f"For what is lost then, too, nothing was found: {why}" if why else "",

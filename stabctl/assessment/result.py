@@ -177,14 +177,22 @@ class Study(Tabular):
 
     @property
     def oscillations(self) -> tuple[int, ...]:
-        """The oscillatory modes of `BAND`, the least damped first."""
-        found = self.modes
-        return tuple(sorted(found.within(*BAND), key=found.damping_ratio.__getitem__)) if found else ()
+        """The oscillatory modes of `BAND`, and those of any frequency that grow, the least damped first."""
+        if (found := self.modes) is None:
+            return ()
+        judged = dict.fromkeys((*found.within(*BAND), *(k for k in found.unstable if found.eigenvalues[k].imag)))
+        return tuple(sorted(judged, key=found.damping_ratio.__getitem__))
 
     @property
     def poorly_damped(self) -> tuple[int, ...]:
         """Those of them with less than the wanted damping ratio."""
         return tuple(k for k in self.oscillations if self.modes.damping_ratio[k] < self.wanted.damping)  # type: ignore[union-attr]
+
+    @property
+    def unstable(self) -> str:
+        """Why the operating point is unstable, in words; empty if it is not, or not linearized."""
+        found = self.modes
+        return "" if found is None or found.stable else f"the operating point is unstable: {found.fastest_growing()}"
 
     def contributions(self, k: int) -> Contributions | None:
         """What the controls contribute to a mode; None for one that coincides with another, or without modes.
@@ -243,13 +251,15 @@ class Study(Tabular):
 
     @property
     def secure(self) -> bool:
-        """Whether every contingency is survived, the worst keep the criteria, and modes are known and damped as wanted.
+        """Whether the operating point is stable, every contingency survived, and oscillations damped as wanted.
 
-        Voltages in normal operation do not count. Raises `StudyError` while a part is missing.
+        The worst contingencies must keep the criteria, and the modes be known. Voltages in normal operation do not
+        count. Raises `StudyError` while a part is missing.
         """
         if not self.complete:
             raise StudyError(f"The study of {self.point.case.name} is not complete, so it has no verdict yet.")
-        return not (self.insecure or self.poorly_damped or self.no_modes) and all(one.kept for one in self.judged)
+        wrong = self.unstable or self.insecure or self.poorly_damped or self.no_modes
+        return not wrong and all(one.kept for one in self.judged)
 
     @property
     def df(self) -> "pd.DataFrame":
@@ -323,9 +333,9 @@ class Study(Tabular):
         return path
 
     def remarks(self) -> list[str]:
-        """The answer, in sentences: contingencies, damping, voltages, and what would help."""
+        """The answer, in sentences: stability without a fault, contingencies, damping, voltages, what would help."""
         case, wanted = self.point.case.name, self.wanted
-        said = []
+        said = [f"{case}: {self.unstable}. Clearing times hold for the time observed only."] * bool(self.unstable)
         if self.screen is not None:
             number, lost = counted(len(self.screen.pairs), "contingency"), self.insecure
             number += "" if self.complete else f" screened so far ({self.screen.screened} in all)"
@@ -350,10 +360,10 @@ class Study(Tabular):
                 said.append(f"{case}: {number} survived with a clearing time of {self.guaranteed}, none lost{least}.")
         if self.modes is not None:
             if few := self.poorly_damped:
+                which = f"of {BAND[0]:g} to {BAND[1]:g} Hz" + ", or growing," * bool(self.unstable)
                 said.append(
-                    f"{counted(len(few), 'oscillation')} of {BAND[0]:g} to {BAND[1]:g} Hz with a damping ratio below "
-                    f"{wanted.damping:g}; the least damped: {_named(self.modes, few[0])}"
-                    f"{_undamped(self.contributions(few[0]))}."
+                    f"{counted(len(few), 'oscillation')} {which} with a damping ratio below {wanted.damping:g}; "
+                    f"the least damped: {_named(self.modes, few[0])}{_undamped(self.contributions(few[0]))}."
                 )
             elif self.oscillations:
                 said.append(

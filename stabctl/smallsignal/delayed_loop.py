@@ -333,11 +333,12 @@ class DelayedModes(Modes):
         """Whether no root grows, at any frequency."""
         return self.growing == 0
 
-    def _fastest_growing(self) -> str:
+    def fastest_growing(self) -> str:
+        """The growing root with the largest real part, and its mode, or why it is not known."""
         if self.growing is None:
             return "its direct path does not bound the growing roots"
         known = int((self.eigenvalues.real > 0).sum())
-        return super()._fastest_growing() if known else f"{counted(self.growing, 'root')} that grow were not found"
+        return super().fastest_growing() if known else f"{counted(self.growing, 'root')} that grow were not found"
 
     def __str__(self) -> str:
         how = f"by {self.correction:.1e}" if self.correction > CONVERGED else f"by less than {CONVERGED:g}"

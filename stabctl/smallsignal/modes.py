@@ -268,9 +268,15 @@ class Modes(Tabular):
         return np.flatnonzero(inside).tolist()
 
     @property
+    def unstable(self) -> list[int]:
+        """Indices of the modes that grow, oscillatory or not, one of each pair, the fastest first."""
+        grows = (self.eigenvalues.real > ZERO) & (self.eigenvalues.imag >= 0)
+        return sorted(np.flatnonzero(grows).tolist(), key=lambda k: -self.eigenvalues[k].real)
+
+    @property
     def stable(self) -> bool:
         """Whether no mode grows; zero eigenvalues and undamped oscillations do not."""
-        return bool((self.eigenvalues.real <= ZERO).all())
+        return not self.unstable
 
     def controllability(self) -> np.ndarray:
         """Controllability W^H B (modes, inputs): how strongly an input excites a mode."""
@@ -301,17 +307,18 @@ class Modes(Tabular):
 
     @property
     def df(self) -> "pd.DataFrame":
-        """The modes of the band, or all of them, one of each pair; `swing` marks electromechanical modes."""
+        """All modes, or those of the band and those that grow, one of each pair; `swing`: electromechanical ones."""
         import pandas as pd
 
-        shown = np.flatnonzero(self.eigenvalues.imag >= 0) if self.band is None else self.within(*self.band)
+        every = np.flatnonzero(self.eigenvalues.imag >= 0).tolist()
+        shown = every if self.band is None else sorted({*self.within(*self.band), *self.unstable})
         columns = {
             "frequency_hz": self.frequency_hz[shown],
             "damping_ratio": self.damping_ratio[shown],
             "real": self.eigenvalues.real[shown],
             "imag": self.eigenvalues.imag[shown],
             "swing": self.electromechanical[shown],
-            "mode": [self.label(int(k)) for k in shown],
+            "mode": [self.label(k) for k in shown],
         }
         return pd.DataFrame(columns)
 
@@ -331,12 +338,12 @@ class Modes(Tabular):
         for k, which in zip(self.least_damped(), ("least damped", "of the electromechanical ones"), strict=False):
             hz, ratio = self.frequency_hz[k], self.damping_ratio[k]
             text += f"; {which}: {hz:.3f} Hz, damping ratio {ratio:z.4f} ({self.label(k)})"
-        return text + ("." if self.stable else f"; the operating point is unstable: {self._fastest_growing()}.")
+        return text + ("." if self.stable else f"; the operating point is unstable: {self.fastest_growing()}.")
 
     def _number(self) -> str:
         return counted(len(self), "eigenvalue")
 
-    def _fastest_growing(self) -> str:
+    def fastest_growing(self) -> str:
         """The eigenvalue with the largest real part, and its mode."""
         s = self.eigenvalues[k := int(self.eigenvalues.real.argmax())]
         swing = f" +- {abs(s.imag):.4g}j" if s.imag else ""
@@ -408,15 +415,7 @@ def leader(linear: Linear, share: np.ndarray, speeds: np.ndarray, oscillates: bo
 
 
 def converter_loop(linear: Linear, share: np.ndarray) -> str | None:
-    """Name of a mode by the control loop of converters that takes part most; None if it is not a mode of converters.
-
-    Parameters
-    ----------
-    linear
-        The linear model.
-    share
-        Participation (states), with a sum of 1.
-    """
+    """Name of a mode by the control loop of converters that takes part most; None if it is not theirs."""
     found: dict[tuple[str, str], dict[int, float]] = defaultdict(lambda: defaultdict(float))
     for place, part in zip(linear.places, share.tolist(), strict=True):
         device = devices.every().get(place.table) if part > LEAST else None

@@ -17,6 +17,7 @@ import stabctl as st
 from stabctl import io
 from stabctl._util.errors import StudyError
 from stabctl.assessment import study as study_function
+from stabctl.assessment.remedies import applicable
 from stabctl.clearing import Severity
 from stabctl.judgment import criteria
 from stabctl.smallsignal import Selected
@@ -122,6 +123,39 @@ def test_an_oscillation_outside_the_band_is_not_the_least_damped_one(study):
     assert str(other) == str(study)
     assert "least damped: 0.611 Hz, damping ratio 0.1198" in str(other)
     assert [*study_page._numbers(other)] == [*study_page._numbers(study)]
+
+
+@pytest.mark.parametrize("s", [complex(1e-3, 0.08), complex(2, 0), complex(1e-3, 300)])
+def test_a_system_with_a_mode_that_grows_is_not_secure_whatever_its_frequency(study, s):
+    """It is said first, and the mode is in the tables and on the page: the same study but for one eigenvalue."""
+    stable = replace(study, wanted=study.wanted._replace(cycles=5.0))
+    values = study.modes.eigenvalues.copy()
+    values[np.argmax(values.imag)] = s
+    other = replace(stable, modes=replace(study.modes, eigenvalues=values))
+    assert (stable.secure, stable.unstable) == (True, "")
+    assert not other.secure
+    assert other.remarks()[0].startswith(f"two_area: the operating point is unstable: eigenvalue {s.real:.4g}")
+    assert other.tables()["modes"]["real"].max() == s.real
+    assert bool(applicable(other, ["stabilizers", "storage"])) == (s.imag > 0)
+    page = study_page.page(other)
+    assert page.numbers[0] == ("not secure", "unstable at the operating point")
+    assert page.html().count('<tr class="unstable">') == 1
+
+
+@pytest.mark.slow
+def test_a_governor_that_is_unstable_on_its_own_is_found_by_the_command(stabctl, tmp_path):
+    """Every contingency is survived for the seconds observed, while 0.013 Hz grow."""
+    slow = [
+        word for n in range(1, 5) for x in ("T4=0", "T5=20", "Tc=20", "Ts=3") for word in ("--set", f"tgov.{n}.{x}")
+    ]
+    words = "study", "two_area", *slow, "--clear", "3cyc", "--faults", "lines", "--worst", 0, "--remedies", "none"
+    code, out, _ = stabctl(*words, "--resolution", "0.5cyc", "--json")
+    found = json.loads(out)
+    assert (code, found["secure"]) == (1, False)
+    assert {one["margin_cycles"] > 0 for one in found["contingencies"]} == {True}
+    assert "the operating point is unstable: eigenvalue 0.004798 +- 0.08065j 1/s" in found["remarks"][0]
+    assert "damping ratio -0.0594" in found["remarks"][2]
+    assert min(found["modes"], key=lambda mode: mode["damping_ratio"])["frequency_hz"] < 0.1
 
 
 def test_it_is_told_while_parts_are_missing(base):

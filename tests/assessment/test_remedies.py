@@ -339,6 +339,9 @@ def test_a_change_that_is_not_enough_says_why(base, study, tmp_path):
     assert (secure.secure, after.secure) == (True, False)
     found = Remedy("storage", remedies.state(after), remedies.state(after), change, remark=after.compliance)
     assert remedies._remark(change, secure, "") == ""
+    values = secure.modes.eigenvalues + 5.0
+    unstable = replace(secure, modes=replace(secure.modes, eigenvalues=values))
+    assert remedies._remark(change, unstable, "").startswith("With it, the operating point is unstable: eigenvalue")
     assert remedies._remark(change, after, "") == after.compliance
     assert "by the 1 contingency simulated: violated by 1; the first, dip: bus" in str(found)
     assert "contingencies that violate criteria 1. It is not enough." in str(found)

@@ -31,7 +31,7 @@ MOST = 20  # parameters shown
 
 
 def plot_modes(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
-    """Plot the oscillatory eigenvalues around the electromechanical modes, the upper half of the complex plane.
+    """Plot the oscillatory eigenvalues around the electromechanical modes, and all that grow, the upper half plane.
 
     Parameters
     ----------
@@ -51,11 +51,13 @@ def plot_modes(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
     """
     ax = single(ax, *SIZE)
     upper = modes.eigenvalues.imag > 0
+    upper[modes.unstable] = True
     real, hertz = modes.eigenvalues.real, modes.frequency_hz
-    swings = [*(modes.swings() or upper.nonzero()[0]), *modes.least_damped()]
+    swings = [*(modes.swings() or upper.nonzero()[0]), *modes.least_damped(), *modes.unstable]
     left = min(-1.0, 1.25 * min(real[swings], default=-1.0))
     right = max(-0.08 * left, 1.5 * max(real[upper], default=0.0))
-    top = 1.2 * max(hertz[swings], default=1.6)
+    top = 1.2 * (max(hertz[swings], default=0.0) or 1.6)
+    bottom = -0.04 * top * any(hertz[modes.unstable] < 0.04 * top)  # room for their marks
     inside = upper & (real > left) & (real < right) & (hertz < top)
     kind = [
         "unstable" if s.real > ZERO else "electromechanical mode" if swing else "other oscillatory mode"
@@ -66,7 +68,7 @@ def plot_modes(modes: Modes, *, ax: "Axes | None" = None) -> "Axes":
         if chosen:
             dots = ax.plot(real[chosen], hertz[chosen], marker, mfc=face, mec=edge, ls="none", label=name, zorder=3)
             style.name(dots[0], [describe(modes.mode(k)) for k in chosen if inside[k]])
-    ax.set(xlim=(left, right), ylim=(0, top), xlabel="real part (1/s)", ylabel=LABELS["frequency"])
+    ax.set(xlim=(left, right), ylim=(bottom, top), xlabel="real part (1/s)", ylabel=LABELS["frequency"])
     ax.axvline(0, color=GRAY, linewidth=1)
     for ratio in RATIOS:
         ray(ax, ratio, left, top)

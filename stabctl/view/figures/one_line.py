@@ -37,6 +37,10 @@ STORAGE = 0.2, 0.55  # sides of the smallest and the largest storage symbol
 NAMED = 6  # most critical lines, which get a label
 LETTERS, SMALLEST_LABEL = 7.0, 5.0  # points; smaller where there is less room, and only notes below the smallest
 WIDE, HIGH = 0.62, 1.15  # of a letter, of its size
+CAPTION = (
+    "Each half of a line has the color of a fault at its end, cleared by opening the line; a bus, that of a fault "
+    "cleared without opening a line. Bold gray: stable up to the longest time tried. Thin gray: not in the table."
+)  # of a screen
 BUS, MACHINE = 0.075, 0.14  # radius of a symbol
 GRAIN, CELL = 0.04, 1.0  # of the map of lines, of the map of boxes
 DIRECTIONS = tuple((float(np.cos(t)), float(np.sin(t))) for t in np.deg2rad([45, 135, -45, -135, 0, 180, 90, -90]))
@@ -80,8 +84,10 @@ def draw(line: OneLine, *results: Any, ax: "Axes | None" = None) -> "Axes":
         if type(result) not in KINDS:
             kinds = ", ".join(kind.__name__ for kind in KINDS)
             raise StudyError(f"{shown(result)} cannot be drawn on a one-line diagram; give one of {kinds}.")
-    reach = [end for r in results if isinstance(r, Mode) for _, _, ends in [_arrows(line, r)] for end in ends]
-    low, high = _extent(line, reach)
+    arrows = [
+        np.stack((at, ends), axis=1) for r in results if isinstance(r, Mode) for at, _, ends in [_arrows(line, r)]
+    ]
+    low, high = _extent(line, arrows)
     size = np.maximum(high - low, 1.0)
     ax = single(ax, *_inches(size))
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
@@ -92,17 +98,14 @@ def draw(line: OneLine, *results: Any, ax: "Axes | None" = None) -> "Axes":
     _transformers(ax, line, point)
     notes = [note for r in results for note in KINDS[type(r)](ax, line, r, point)]
     _symbols(ax, line, point, bare=bool(results))
-    arrows = [
-        np.stack([at, ends], axis=1) for r in results if isinstance(r, Mode) for at, _, ends in [_arrows(line, r)]
-    ]
     draw_labels(ax, line, notes, point, arrows)
     ax.set_title(line.case.name, fontsize="medium", loc="left")
     return ax
 
 
-def _extent(line: OneLine, reach: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def _extent(line: OneLine, arrows: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Corners of the diagram and of the arrows that reach beyond it, with room for labels."""
-    every = np.vstack([line.buses, line.machines, line.storage, *reach])
+    every = np.vstack([line.buses, line.machines, line.storage, *(ends[:, 1] for ends in arrows)])
     return every.min(axis=0) - 0.7, every.max(axis=0) + 0.7
 
 
@@ -219,7 +222,7 @@ def areas(ax: "Axes", line: OneLine, found: Areas, point: float) -> list[Label]:
 def screen(ax: "Axes", line: OneLine, found: Screen, point: float) -> list[Label]:
     """Each half of a line in the color of the critical clearing time of a fault at its end, cleared by opening it.
 
-    A fault at a bus that opens nothing gives the bus this color. Other contingencies are not drawn.
+    A fault at a bus that opens nothing gives the bus this color; gray: stable up to the limit. Others are not drawn.
     """
     from matplotlib.cm import ScalarMappable
     from matplotlib.collections import LineCollection
@@ -229,8 +232,7 @@ def screen(ax: "Axes", line: OneLine, found: Screen, point: float) -> list[Label
     bus = {str(b.bus): k for k, b in enumerate(line.case.buses)}
     half, cycles, told, at_bus = [], [], [], []
     for p in found.pairs:
-        limit = found.search.limit_cycles
-        time = 0.0 if p.status == "unstable_at_zero" else limit if p.cycles is None else p.cycles
+        time = np.nan if p.status == "stable_at_limit" else p.reach_cycles
         if p.fault in bus and not p.trip:
             at_bus.append((bus[p.fault], time, p.brief()))
         if p.fault not in bus or len(p.trip) != 1 or p.contingency.after:
@@ -246,9 +248,11 @@ def screen(ax: "Axes", line: OneLine, found: Screen, point: float) -> list[Label
         told.append(p.brief())
     ax.add_collection(LineCollection(list(line.ends), colors=GRAY, alpha=0.5, linewidths=1, zorder=1))
     every = [*cycles, *(time for _, time, _ in at_bus)]
-    scale = Normalize(min(every, default=0.0), max(every, default=1.0))
-    order = np.argsort(cycles)[::-1]
-    late = clearing_colors()
+    known = [time for time in every if np.isfinite(time)]
+    low = min(known, default=0.0)
+    scale = Normalize(low, max([low + 1, *known]))
+    order = np.argsort(cycles)[::-1]  # without a time first
+    late = clearing_colors().with_extremes(bad=GRAY)
     colors = late(scale(np.array(cycles)[order])) if half else []
     halves = ax.add_collection(LineCollection([half[i] for i in order], colors=colors, linewidths=3, zorder=1.2))
     style.name(halves, [told[i] for i in order])
@@ -257,8 +261,9 @@ def screen(ax: "Axes", line: OneLine, found: Screen, point: float) -> list[Label
         x, y = line.buses[[*places]].T
         disks = ax.scatter(x, y, s=(0.34 * point) ** 2, c=late(scale(times)), zorder=2.5)
         style.name(disks, texts)
-    ax.figure.colorbar(ScalarMappable(scale, late), ax=ax, label=LABEL, shrink=0.6, pad=0.01, aspect=25)
-    first = sorted(range(len(cycles)), key=cycles.__getitem__)[:NAMED]
+    if known:
+        ax.figure.colorbar(ScalarMappable(scale, late), ax=ax, label=LABEL, shrink=0.6, pad=0.01, aspect=25)
+    first = [i for i in np.argsort(cycles, kind="stable")[:NAMED] if np.isfinite(cycles[i])]
     middle = [0.75 * np.array(half[i][0]) + 0.25 * np.array(half[i][1]) for i in first]
     return [Label(f"{cycles[i]:g}", at, 0.05, INK, bold=True) for i, at in zip(first, middle, strict=True)]
 

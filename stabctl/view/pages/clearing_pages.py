@@ -36,8 +36,7 @@ def clearing_time(found: ClearingTime) -> Page:
 
 def screen(found: Screen, base: "Case | OperatingPoint | None" = None) -> Page:
     """Return the page of a screen; with the system also a one-line diagram."""
-    times = [p.cycles for p in found.pairs if p.status == "found" and p.cycles is not None]
-    shortest = [(f"{min(times):g}", "cycles, the shortest critical clearing time")] if times else []
+    shortest = [(p.shown, "cycles, the shortest critical clearing time") for p in found.pairs[:1]]
     drawn = []
     if found.pairs:
         drawn.append(
@@ -49,18 +48,11 @@ def screen(found: Screen, base: "Case | OperatingPoint | None" = None) -> Page:
             )
         )
     if found.pairs and base:
-        drawn.append(
-            figure(
-                one_line.plot(base, found),
-                "Clearing times on the network.",
-                "Each half of a line has the color of a fault at its end, cleared by opening the line. Gray lines were "
-                "not screened.",
-            )
-        )
+        drawn.append(figure(one_line.plot(base, found), "Clearing times on the network.", one_line.CAPTION))
     rows = [(p.place, ", ".join(p.trip), p.cell, p.limit, _swings(p)) for p in found.pairs]
     heads = "fault at", "opened to clear it", "critical clearing time (cycles)", "limited by", "swings"
     note = (
-        "Zero cycles: unstable after opening the line, even without a fault. Swings: those of the longest stable run, "
+        "Unstable at any: after opening the line, even without a fault. Swings: those of the longest stable run, "
         "at the end of its observation. Where they grow or do not decay, the clearing time may be shorter with a "
         "longer observation."
     )

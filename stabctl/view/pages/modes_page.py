@@ -31,15 +31,16 @@ def page(modes: Modes, areas: Areas | None, band: tuple[float, float]) -> Page:
     areas
         Its coherent areas, if known.
     band
-        Lowest and highest frequency (Hz) of the table and the mode shapes; the least damped mode is always shown.
+        Lowest and highest frequency (Hz) of the table and the mode shapes; what grows or is least damped is shown, too.
     """
     case = modes.linear.point.case
-    worst = modes.least_damped()
+    worst, grow = modes.least_damped(), modes.unstable
     inside = modes.within(*band)
-    rows = [modes.mode(k) for k in sorted({*inside, *worst}, key=lambda k: (modes.frequency_hz[k], k))]
+    rows = [modes.mode(k) for k in sorted({*inside, *worst, *grow}, key=lambda k: (modes.frequency_hz[k], k))]
     least, arrows = (modes.mode(worst[i]) if worst else None for i in (0, -1))
     swings = [m for m in sorted(rows, key=lambda m: m != least) if m.electromechanical or m == least]
-    beyond = "" if {*worst} <= {*inside} else ", and the least damped one"
+    others = (grow, ", and those that grow"), (worst, ", and the least damped one")
+    beyond = next((said for few, said in others if not {*few} <= {*inside}), "")
     also = ", and the least damped mode" if least and not least.electromechanical else ""
     return Page(
         f"{case.name}_modes",

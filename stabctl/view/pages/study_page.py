@@ -7,14 +7,14 @@ import numpy as np
 
 from stabctl._util.wording import counted, number
 from stabctl.assessment import Study
-from stabctl.assessment.result import BAND, Margin
+from stabctl.assessment.result import BAND
 from stabctl.clearing.index import CLEARED
 from stabctl.clearing.trial import Search
 from stabctl.controllers import BangBang
 from stabctl.io import load, packaged
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
-from stabctl.smallsignal.analysis import DAMPING
+from stabctl.smallsignal.analysis import DAMPING, Selected
 
 from ..figures import clearing, grid_strength, one_line
 from ..figures import modes as eigenvalues
@@ -51,7 +51,13 @@ def page(study: Study) -> Page:
         f"{case.name}_study",
         f"Stability of {case.name}",
         [*pattern.about(case), *open_parts, *study.remarks()],
-        [(verdict, f"with a clearing time of {study.guaranteed}"), *_numbers(study)],
+        [
+            (
+                verdict,
+                "unstable at the operating point" if study.unstable else f"with a clearing time of {study.guaranteed}",
+            ),
+            *_numbers(study),
+        ],
         [
             Section("Contingencies", list(_contingencies(study))),
             Section("What would help", list(_remedies(study))),
@@ -119,26 +125,18 @@ def _contingencies(study: Study) -> Iterator[Part]:
         f"Labeled with what limits them. Dashed: the {study.wanted.cycles:g} cycles that protection guarantees.",
     )
     if len(study.point.case.buses) <= MOST:
-        yield figure(
-            one_line.plot(study.point, study.screen),
-            "Clearing times on the network.",
-            "Each half of a line has the color of a fault at its end, cleared by opening the line; a bus, that of a "
-            "fault cleared without opening a line.",
-        )
+        yield figure(one_line.plot(study.point, study.screen), "Clearing times on the network.", one_line.CAPTION)
     note = (
         f"Margin: critical clearing time minus the {study.wanted.cycles:g} cycles guaranteed, or the contingency's own "
         "clearing time. In red: lost with this time or less."
     )
-    rows, classes = [_row(m) for m in study.margins], ["" if m.secure else "unstable" for m in study.margins]
+    found = [(m, m.found) for m in study.margins]
+    rows = [(p.place, ", ".join(p.trip), p.cell, m.shown, p.limit) for m, p in found]
+    classes = ["" if m.secure else "unstable" for m in study.margins]
     yield table(HEADS, rows[:FIRST], note, classes=classes[:FIRST])
     if (rest := len(rows) - FIRST) > 0:
         others = table(HEADS, rows[FIRST:], classes=classes[FIRST:])
         yield others._replace(folded=f"The other {counted(rest, 'contingency')}, with larger margins")
-
-
-def _row(m: Margin) -> tuple[str, ...]:
-    p = m.found
-    return p.place, ", ".join(p.trip), p.cell, m.shown, p.limit
 
 
 def _worst(study: Study) -> Iterator[Part]:
@@ -181,7 +179,8 @@ def _modes(study: Study) -> Iterator[Part]:
         "Eigenvalues.",
         "Dashed lines mark constant damping ratios. Modes that are better damped or faster are not shown.",
     )
-    shown = sorted({*modes.swings(), *modes.least_damped(), *study.poorly_damped}, key=lambda k: modes.damping_ratio[k])
+    red = {*study.poorly_damped, *modes.unstable}
+    shown = sorted({*modes.swings(), *modes.least_damped(), *red}, key=modes.damping_ratio.__getitem__)
     rows: list[tuple[str, ...]] = []
     classes = []
     for k in shown:
@@ -191,12 +190,12 @@ def _modes(study: Study) -> Iterator[Part]:
         sides = (found.damping, found.undamping) if found else ((), ())
         controls = (", ".join(f"{one.name} {100 * one.damping_ratio:+.2g}" for one in side[:3]) for side in sides)
         rows.append((m.label, number(m.frequency_hz, 3), number(100 * m.damping_ratio, 2), who, *controls))
-        classes.append("unstable" if k in study.poorly_damped else "")
+        classes.append("unstable" if k in red else "")
     note = (
-        f"Electromechanical modes, the least damped first, and others of {BAND[0]:g} to {BAND[1]:g} Hz below "
-        f"{100 * study.wanted.damping:g} % (in red). Participants: participation factors, in percent of the sum of "
-        f"all. For the first {ASKED} modes: controls that change the damping ratio most, and by how much (%) if their "
-        "effect were 1 % larger."
+        f"Electromechanical modes, the least damped first, and others that grow, or of {BAND[0]:g} to {BAND[1]:g} Hz "
+        f"below {100 * study.wanted.damping:g} % (in red). Participants: participation factors, in percent of the sum "
+        f"of all. For the first {ASKED} modes: controls that change the damping ratio most, and by how much (%) if "
+        "their effect were 1 % larger."
     )
     yield table(MODES, rows, note, classes=classes)
 
@@ -250,6 +249,7 @@ def _scope(study: Study) -> list[str]:
         *remarks,
         "Three-phase faults without impedance, unless a contingency says otherwise. Loading of lines is not compared "
         "with ratings, which cases do not have; protection other than the clearing of the fault is not modeled.",
+        *([f"Only modes {study.modes.asked} are known; others may grow."] if isinstance(study.modes, Selected) else []),
         *(["The modes are those without storage laws and controllers."] if study.how.control else []),
     ]
 

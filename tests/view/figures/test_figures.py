@@ -1,5 +1,7 @@
 """Every kind of figure: labels apart and inside it, curves that are the result's numbers."""
 
+from dataclasses import replace
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -186,6 +188,19 @@ def test_modes(name, points):
     for k in found.swings():
         assert crowded(found.mode(k).plot()) == []
         plt.close("all")
+
+
+@pytest.mark.parametrize("s", [complex(2, 0), complex(1e-3, 0.08), complex(3, 300)])
+def test_every_mode_that_grows_is_in_view(points, s):
+    found = analyze(linearize(points("two_area")))
+    values = found.eigenvalues.copy()
+    values[np.argmax(values.imag)] = s
+    ax = modes.plot_modes(replace(found, eigenvalues=values))
+    marks = next(line for line in ax.lines if line.get_label() == "unstable")
+    assert marks.get_xydata() == pytest.approx(np.array([[s.real, s.imag / (2 * np.pi)]]))
+    (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    assert left < s.real < right
+    assert bottom < s.imag / (2 * np.pi) - 0.01 * top < top
 
 
 def test_frequency_response(points):

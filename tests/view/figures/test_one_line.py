@@ -1,5 +1,6 @@
 """One-line diagrams: every bus apart from the others, the same each time, nothing over each other in the figure."""
 
+from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from labels import crowded
 from matplotlib.collections import LineCollection
+from matplotlib.colors import to_hex
 from matplotlib.quiver import Quiver
 from scipy.spatial import cKDTree
 
@@ -17,6 +19,7 @@ from stabctl.placement.siting import Costs, Site, Siting
 from stabctl.smallsignal import areas
 from stabctl.view.diagram import _layout, one_line
 from stabctl.view.diagram._layout import backbone, graph, node_positions, stress_majorization
+from stabctl.view.figures.palette import CLEARING, GRAY
 
 CASES = "ieee39", "two_area", "wnaps", "wscc9"
 
@@ -188,6 +191,27 @@ def test_a_screen_colors_each_end_of_a_line(cases, points):
     assert f"{critical:g}" in {t.get_text() for t in ax.texts}
     with pytest.raises(StudyError, match="draw the screen on the diagram of its own case"):
         cases("two_area").plot(found)
+
+
+def test_only_critical_times_have_a_color_and_a_number(cases, points):
+    """Lines that are stable up to the limit are gray; a single time is the darkest, that of the shortest."""
+
+    def drawn(limit):
+        found = st.screen(points("two_area"), resolution="1cyc", limit=limit, observe="3s", longest=0)
+        ax = cases("two_area").plot(found)
+        numbers = {f"{p.cycles:g}" for p in found.pairs if p.cycles is not None}
+        assert numbers == {text.get_text() for text in ax.texts if text.get_weight() == "bold"}
+        (halves,) = (c for c in ax.collections if c.get_zorder() == 1.2)
+        ends = {
+            tuple(np.round(segment[0], 6)): to_hex(c)
+            for segment, c in zip(halves.get_segments(), halves.get_colors(), strict=True)
+        }
+        return list(ends.values()), len(ax.figure.axes) - 1
+
+    colors, bars = drawn("5cyc")
+    assert (set(colors), bars) == ({GRAY}, 0)
+    colors, bars = drawn("12cyc")
+    assert (Counter(colors), bars) == ({GRAY: len(colors) - 1, CLEARING[0].lower(): 1}, 1)
 
 
 def test_a_placement_has_squares_of_its_ratings(cases):

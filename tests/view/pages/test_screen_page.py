@@ -28,6 +28,27 @@ def test_the_page_has_every_pair_and_every_remark(screened, tmp_path):
     assert "<figure" not in clearing_pages.screen(replace(found, pairs=())).html()
 
 
+def test_the_shortest_time_at_the_top_is_that_of_the_first_row(screened):
+    """Also where it is a bound: unstable even without a fault, or stable up to the limit."""
+    found = screened[1]
+    first = found.pairs[0]
+    for status, cycles, shown in (
+        ("found", 9.0, "9"),
+        ("unstable_at_zero", None, "0"),
+        ("stable_at_limit", None, "12 or more"),
+    ):
+        pairs = (replace(first, status=status, cycles=cycles), *found.pairs[1:])
+        page = clearing_pages.screen(replace(found, pairs=pairs))
+        assert page.numbers[0] == (shown, "cycles, the shortest critical clearing time")
+
+
+def test_lines_that_are_not_in_the_table_are_not_said_to_be_left_out(screened):
+    base, found = screened
+    page = clearing_pages.screen(replace(found, pairs=found.pairs[:1]), base).html()
+    assert "Thin gray: not in the table." in page
+    assert "not screened" not in page
+
+
 def test_a_screen_of_another_system_has_no_place_on_the_diagram(screened, tmp_path):
     with pytest.raises(StudyError, match="has no line"):
         screened[1].report(tmp_path, base=st.load("wnaps"))
