@@ -98,15 +98,11 @@ def _show(found: "Optimum", written: list[Path], as_json: bool) -> None:
             }
         )
         return
-    from math import degrees
-
     from rich.table import Table
 
-    table = Table("convex program", "clearing time, cycles", "excursion, deg", "solver", "simulations so far")
+    table = Table("convex program", "clearing time, cycles", "excursion, rad", "solver", "simulations so far")
     for one in found.iterations:
-        table.add_row(
-            str(one.number), f"{one.cycles:g}", f"{degrees(one.excursion):.1f}", one.status, str(one.simulations)
-        )
+        table.add_row(str(one.number), f"{one.cycles:g}", f"{one.excursion:.3f}", one.status, str(one.simulations))
     shared.console().print(table)
     shared.console().print(str(found))
     shared.written(written)

@@ -51,6 +51,7 @@ class Outcome:
     stalled: tuple[int, ...] = ()  # numbers of the buses whose motor loads have stalled at the end
     cycling: tuple[str, ...] = ()  # storage devices in a limit cycle at full power at the end
     cut_off: str = ""  # what the switching has separated or blacked out, as a sentence
+    off_frequency: tuple[int | str, ...] = ()  # units of the island, one of several, whose frequency left its range
 
     @property
     def stable(self) -> bool:
@@ -98,7 +99,7 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             f"The system is blacked out at {t:.3f} s: no machine or grid-forming converter is left. {cut}".strip(),
             t,
         )
-    kind, machine, blamed = Kind.ISLANDED if cut else Kind.STABLE, None, None
+    kind, machine, blamed, off = Kind.ISLANDED if cut else Kind.STABLE, None, None, tuple[int | str, ...]()
     several = end.stage.net.islands > 1
     match end.verdict:
         case _judgment.SLIPPED | _judgment.UNLOCKED:
@@ -115,7 +116,7 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
             )
         case _judgment.FREQUENCY:
             kind = Kind.FREQUENCY_INSTABILITY
-            text = _off_frequency(point, end, criterion)
+            off, text = _off_frequency(point, end, criterion)
         case _judgment.NO_VOLTAGE:
             kind, blamed = Kind.VOLTAGE_COLLAPSE, bus
             text = f"Voltage collapse at bus {bus} at {t:.3f} s: the network equations have no solution."
@@ -146,7 +147,7 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
     message = " ".join(
         s for s in (*sentences, _still_faulted(point, end), str(end.stalled), _cycling(point, end), str(end.loop)) if s
     )
-    return Outcome(kind, message, t, machine, blamed, end.swings, end.stalled.buses, tuple(end.cycling), cut_off)
+    return Outcome(kind, message, t, machine, blamed, end.swings, end.stalled.buses, tuple(end.cycling), cut_off, off)
 
 
 def _critical(point: OperatingPoint, end: End) -> tuple[int | str | None, str]:
@@ -226,17 +227,18 @@ def _at_limit(point: OperatingPoint, end: End) -> str:
     return f", its frequency at a limit of its range from {low:.2f} to {high:.2f} Hz"
 
 
-def _off_frequency(point: OperatingPoint, end: End, criterion: Criterion) -> str:
-    """Which island left the frequency range, its frequency, and when."""
+def _off_frequency(point: OperatingPoint, end: End, criterion: Criterion) -> tuple[tuple[int | str, ...], str]:
+    """The units of the island that left the frequency range, if it is one of several, and a sentence on it."""
     mine = end.island == end.island[end.machine]
     H = np.where(mine, end.weight, 0.0)
     hz = point.case.frequency_hz
-    island = "The frequency"
+    island, off = "The frequency", tuple[int | str, ...]()
     if len(np.unique(end.island[end.island >= 0])) > 1:
         names = *point.rotor_names, *(row.name for row in point.system.unweighted.rows)
         noun = "machine" if end.machine < len(point.rotors.unit) else "storage device"
-        island += f" of the island of {enumerated(noun, [names[i] for i in np.flatnonzero(mine)])}"
-    return (
+        off = tuple(names[i] for i in np.flatnonzero(mine))
+        island += f" of the island of {enumerated(noun, off)}"
+    return off, (
         f"{island} was outside {frequency_range(criterion, hz)} for {criterion.frequency_delay_s:g} s at "
         f"{end.time:.3f} s: it is {hz * end.speed @ H / H.sum():.2f} Hz."
     )

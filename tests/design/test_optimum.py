@@ -26,6 +26,7 @@ from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.simulate import simulate
 from stabctl.theory.minimum_time import by_shooting, stop_angle
 from stabctl.theory.two_machine import Equivalent
+from stabctl.view.pages.run_pages import optimum as optimum_page
 
 BASE, LARGE, PC = 0.1, 10.0, 0.3  # MVA, inertia of machine 2 over that of machine 1, rating of the device in pu
 EQ = Equivalent(4.0, 4.0 * LARGE, X=0.5, Pm1=0.8, base=BASE)
@@ -170,8 +171,20 @@ def test_less_energy_gives_a_shorter_fault(longest):
     assert "the energy of the devices" in found.binding
 
 
+def test_the_page_says_what_the_programs_make_small(longest):
+    """In rad, as `Iteration.excursion`: it is no angle that a machine has."""
+    page = optimum_page(longest).html()
+    assert "excursion (rad)" in page
+    assert "a tenth of the mean over time of the sum of their squares, in rad" in page
+    assert all(f"{one.excursion:.3f}</td>" in page for one in longest.iterations)
+    assert longest.iterations[-1].excursion == pytest.approx(longest.peak[1], rel=0.5)
+
+
 def test_the_figure_shows_swings_and_power(longest):
     figure = longest.plot()
+    assert figure.axes[0].get_title() == f"{longest.case}, fault {longest.contingency.label}: {longest.cycles:g} cycles"
+    tripped = replace(longest, contingency=replace(longest.contingency, trip="1-2#2"))
+    assert "trip 1-2#2: " in tripped.plot().axes[0].get_title()
     assert [ax.get_ylabel() for ax in figure.axes] == ["angle from COI (deg)", "storage power absorbed (MW)"]
     assert longest.before > 0
     schedule = longest.schedule

@@ -12,6 +12,7 @@ from stabctl.simulation import simulation
 from stabctl.simulation.events import LoadStep
 from stabctl.smallsignal import weak_grid
 from stabctl.smallsignal.analysis import modes
+from stabctl.view.pages.document import svg
 
 CASE = small({"regc_c": REGC_C._replace(Re=0.01)}, p=320.0)
 AT = {"P": 320.0, "V": 1.02, "x_over_r": 10.0, "voltage": 1.0}
@@ -136,6 +137,23 @@ def test_the_table_and_the_figure_show_the_map(found):
     ax = found.plot()
     assert ax.lines[0].get_ydata() == pytest.approx(found.boundary)
     assert "points are stable; fastest growing at SCR 1.2, gain 100 rad/s: PLL of REGC_C 1" in str(found)
+
+
+@pytest.mark.parametrize("ratios", [(0.7, 1.5, 4.0), (4.0,)])
+@pytest.mark.parametrize("gains", [(1.0, 2.0, 5.0), (2.0,)])
+def test_every_point_of_the_figure_is_a_cell_of_its_color(ratios, gains):
+    """Also the only one; gray without an operating point, on pages too, whose figures have no background."""
+    found = CASE.weak_grid(1, scr=ratios, gain=gains)
+    ax = found.plot()
+    (mesh,) = ax.collections
+    edges = mesh.get_coordinates()
+    np.testing.assert_array_equal(np.ma.filled(mesh.get_array(), np.nan), found.damping_ratio)
+    for k, points in enumerate((found.gain[None, :], found.scr[:, None])):
+        assert ((edges[:-1, :-1, k] < points) & (points < edges[1:, 1:, k])).all()
+    assert (*ax.get_xlim(), *ax.get_ylim()) == pytest.approx((*edges[0, [0, -1], 0], *edges[[0, -1], 0, 1]))
+    drawn = svg(ax, "map")
+    assert "<filter" not in drawn
+    assert drawn.count("#cccccc") >= np.isnan(found.growth).sum() == (len(gains) if 0.7 in ratios else 0)
 
 
 def test_what_has_no_map():

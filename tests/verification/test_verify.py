@@ -99,6 +99,16 @@ def test_a_result_is_a_table_and_a_figure(tmp_path):
     assert len(found.save(tmp_path / "table.csv").read_text().splitlines()) == 1 + len(found.rows)
 
 
+@pytest.mark.parametrize(("system", "says"), [(QUICK, "Hz: 1"), ("wscc9_sauer_pai", "Hz: 4 of 7, the others outside")])
+def test_the_title_counts_what_is_drawn(system, says):
+    ax = st.verify(system).plot().axes[0]
+    reference = np.array(ax.lines[0].get_data()).T
+    (low, high), (_, top) = ax.get_xlim(), ax.get_ylim()
+    inside = sum(low < x < high and y < top for x, y in reference)
+    assert ax.get_title().endswith(says)
+    assert says.startswith(f"Hz: {inside}")
+
+
 def test_the_command_lists_systems_and_the_numbers_of_one(stabctl):
     code, out, _ = stabctl("verify", QUICK, "--json")
     assert code == 0

@@ -75,7 +75,7 @@ def locus(found: Evidence) -> "Axes":
 
 def bode(found: Evidence) -> "Figure":
     """Plot the loop gains: magnitude and phase, opened at one output each."""
-    figure, axes = subplots(*TALL, 2, 1, sharex=True, sharey=True)
+    figure, axes = subplots(*TALL, 2, 1, sharex=True)
     size, phase = axes[:, 0]
     for loop in found.loops:
         curves = size.loglog(loop.hz, np.abs(loop.response), label=loop.name)

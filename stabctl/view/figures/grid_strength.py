@@ -1,6 +1,6 @@
 """Figures of grid strength: short-circuit power and ratios, and the limits of weak-grid operation."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -105,36 +105,35 @@ def plot_weak_grid(found: "WeakGrid", *, ax: "Axes | None" = None) -> "Axes":
     Returns
     -------
     matplotlib.axes.Axes
-        Red: a mode grows. Gray: no operating point.
+        A cell for each point. Red: a mode grows. Gray: no operating point.
 
     Examples
     --------
     >>> found = st.load("two_area").with_device("regc_c", 3).weak_grid(3, scr=(1.5, 3), gain=(1, 4))
     >>> found.plot().figure.savefig("weak.png")
     """
-    ax = single(ax, 6.4, 4.2)
-    ax.set_facecolor("0.85")
-    colors = ax.pcolormesh(
-        found.gain,
-        found.scr,
-        np.ma.masked_invalid(found.damping_ratio),
-        cmap="RdBu",
-        vmin=-LEVELS,
-        vmax=LEVELS,
-        shading="nearest" if min(found.damping_ratio.shape) < 2 else "gouraud",
-    )
+    import matplotlib as mpl
+
+    ax, across, up = single(ax, 6.4, 4.2), _edges(found.gain), _edges(found.scr)
+    look: Any = {"cmap": mpl.colormaps["RdBu"].with_extremes(bad="0.8"), "edgecolors": "face", "linewidth": 0.5}
+    colors = ax.pcolormesh(across, up, found.damping_ratio, vmin=-LEVELS, vmax=LEVELS, **look)
     bar = ax.figure.colorbar(colors, ax=ax, extend="both")
     bar.set_label("least damping ratio")
     boundary = np.where(found.boundary > 0, found.boundary, np.nan)
     if np.isfinite(boundary).any():
-        ax.plot(found.gain, boundary, color="black", linewidth=2, label="boundary of stability")
+        ax.plot(found.gain, boundary, "o-", color="black", markersize=3, label="boundary of stability")
         ax.legend(loc="upper left", fontsize="small")
-    if len(found.gain) > 1:
-        ax.set_xscale("log")
-    ax.set_xlim(found.gain[0], found.gain[-1])
-    ax.set_ylim(found.scr[0], found.scr[-1])
+    ax.set(xscale="log", xlim=across[[0, -1]], ylim=up[[0, -1]])
     ax.grid(visible=False)
     ax.set_xlabel("gain of the phase-locked loop (rad/s per pu)")
     ax.set_ylabel("short-circuit ratio")
     ax.set_title(f"{found.name} at an infinite bus", fontsize="medium")
     return ax
+
+
+def _edges(values: np.ndarray) -> np.ndarray:
+    """Edges of the cells of ascending values, in the geometric middle between two."""
+    x = np.log(values)
+    step = np.diff(x) if len(x) > 1 else [0.5]
+    x = np.array([x[0] - step[0], *x, x[-1] + step[-1]])
+    return np.exp((x[1:] + x[:-1]) / 2)

@@ -5,6 +5,7 @@ The labels are placed in the same way every time; one that would lie over someth
 
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 INCHES = 0.62  # of a median branch
 SMALLEST, LARGEST = 4.5, 15.0  # inches, of the longer side
 THINNEST, THICKEST = 0.014, 0.09  # of a median branch
-POINTS = 72  # per inch
+POINTS, PER_INCH = 72, 11  # points, letters of a title
 ARROW = 0.9  # length of the largest arrow of a mode shape
 SMALLEST_ARROW = 0.03  # relative size of an arrow that is drawn
 STORAGE = 0.2, 0.55  # sides of the smallest and the largest storage symbol
@@ -84,9 +85,8 @@ def draw(line: OneLine, *results: Any, ax: "Axes | None" = None) -> "Axes":
         if type(result) not in KINDS:
             kinds = ", ".join(kind.__name__ for kind in KINDS)
             raise StudyError(f"{shown(result)} cannot be drawn on a one-line diagram; give one of {kinds}.")
-    arrows = [
-        np.stack((at, ends), axis=1) for r in results if isinstance(r, Mode) for at, _, ends in [_arrows(line, r)]
-    ]
+    modes = [r for r in results if isinstance(r, Mode)]
+    arrows = [np.stack((at, ends), axis=1) for m in modes for at, _, ends in [_arrows(line, m)]]
     low, high = _extent(line, arrows)
     size = np.maximum(high - low, 1.0)
     ax = single(ax, *_inches(size))
@@ -99,7 +99,9 @@ def draw(line: OneLine, *results: Any, ax: "Axes | None" = None) -> "Axes":
     notes = [note for r in results for note in KINDS[type(r)](ax, line, r, point)]
     _symbols(ax, line, point, bare=bool(results))
     draw_labels(ax, line, notes, point, arrows)
-    ax.set_title(line.case.name, fontsize="medium", loc="left")
+    captions = [f"{m.frequency_hz:.2f} Hz, damping {100 * m.damping_ratio:z.1f} %" for m in modes]
+    title = fill(line.case.name, int(PER_INCH * style.whole(ax).get_figwidth()))
+    ax.set_title("\n".join([title, *captions]), fontsize="medium", loc="left")
     return ax
 
 
@@ -193,8 +195,6 @@ def mode(ax: "Axes", line: OneLine, found: Mode, point: float) -> list[Label]:
     color = [COLORS[0] if s.real >= 0 else COLORS[1] for s in turned]
     look: Any = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 1.6 / point, "units": "xy", "zorder": 5}
     ax.quiver(*at.T, turned.real, turned.imag, color=color, **look)
-    hz, ratio = found.frequency_hz, 100 * found.damping_ratio
-    ax.text(1, 1.01, f"{hz:.2f} Hz, damping {ratio:z.1f} %", transform=ax.transAxes, ha="right", fontsize="small")
     return []
 
 

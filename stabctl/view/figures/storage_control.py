@@ -90,5 +90,5 @@ def plot_optimum(found: Optimum) -> "Figure":
         ax.axvline(takes_over, color=GRAY, ls="--", lw=1)
     axes[0, 0].set_xlabel("")
     axes[1, 0].set_title("")
-    axes[0, 0].set_title(f"{found.case}, fault {found.contingency.fault}: {found.cycles:g} cycles")
+    axes[0, 0].set_title(f"{found.case}, fault {found.contingency.label}: {found.cycles:g} cycles")
     return figure

@@ -114,30 +114,15 @@ def name_at_ends(ax: "Axes", lines: "Sequence[Line2D]", texts: Sequence[str], *,
         ends.append(float(y[np.isfinite(y)][-1:].sum() - low) / (high - low))
     order = sorted(range(len(ends)), key=ends.__getitem__)
     for k, place in zip(order, apart([min(max(ends[k], 0.0), 1.0) for k in order], GAP / height), strict=True):
-        ax.text(
-            1.01,
-            place,
-            texts[k],
-            transform=ax.transAxes,
-            color=lines[k].get_color(),
-            va="center",
-            fontsize="small",
-        )
+        look: Any = {"color": lines[k].get_color(), "va": "center", "fontsize": "small"}
+        ax.text(1.01, place, texts[k], transform=ax.transAxes, **look)
 
 
 def legend_below(ax: "Axes") -> None:
     """Put a legend of what has a label below the right end of the axes, under the name of the axis."""
     if handles := ax.get_legend_handles_labels()[0]:
-        ax.legend(
-            loc="upper right",
-            bbox_to_anchor=(1.0, 0.0),
-            ncols=len(handles),
-            frameon=False,
-            fontsize="small",
-            borderaxespad=3.6,
-            columnspacing=1.0,
-            handlelength=1.2,
-        )
+        look: Any = {"frameon": False, "fontsize": "small", "columnspacing": 1.0, "handlelength": 1.2}
+        ax.legend(loc="upper right", bbox_to_anchor=(1.0, 0.0), ncols=len(handles), borderaxespad=3.6, **look)
 
 
 def legend_beside(ax: "Axes", labels: Sequence[str]) -> None:

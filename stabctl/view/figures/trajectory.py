@@ -122,11 +122,8 @@ def storage(run: Trajectory, machines: Sequence[int | str] | None = None) -> "Fi
     for ax, k in zip(axes[:, 0], shown, strict=True):
         device = case.storage[k]
         ax.plot(run.time, run.arrays.storage[:, k], drawstyle="steps-post")
-        ax.set_title(
-            f"storage of machine {case.machine(device.machine).called} at bus {device.bus}",
-            loc="left",
-            fontsize="small",
-        )
+        title = f"storage of machine {case.machine(device.machine).called} at bus {device.bus}"
+        ax.set_title(title, loc="left", fontsize="small")
     axes[-1, 0].set_xlabel(LABELS["time"])
     figure.supylabel("power absorbed (MW)", fontsize="medium")
     return figure
@@ -178,24 +175,30 @@ def _draw(
 
 
 def _colors(values: np.ndarray, owners: Sequence[int | str], run: Trajectory) -> list[str]:
-    """A color for each curve (rows, curves): all different if they are few, else of machines that are unstable or move.
+    """A color for each curve (rows, curves): of its machine, the same for every quantity; of few, one that is free.
 
-    A machine has the same color for every quantity. More unstable machines than can be distinguished are all in one.
+    Of many machines, those that are unstable or move have a color, and the unstable ones one if they are many, too.
     """
-    number, unstable = len(owners), run.unstable_machines
-    if number <= len(COLORS):
-        return list(COLORS[:number])
-    if len(unstable) >= len(COLORS):
-        return [COLORS[1] if owner in unstable else MANY for owner in owners]
-    names = run.point.rotor_names
-    moving = [names[k] for k in np.argsort(-run.peak, kind="stable")[:MOVING]]
-    marked: list[Any] = [name for name in unstable or moving if name in owners]
-    if not marked:  # buses without a machine
+    names, lost, rest = run.point.rotor_names, run.unstable_machines or run.outcome.off_frequency, GRAY
+    if len(names) <= len(COLORS):
+        own: dict[Any, str] = dict(zip(names, COLORS, strict=False))
+    elif len(lost) >= len(COLORS):
+        own, rest = dict.fromkeys(lost, COLORS[1]), MANY
+    else:
+        marked = lost or [names[k] for k in np.argsort(-run.peak, kind="stable")[:MOVING]]
+        own = dict(zip(sorted(marked, key=naming.order), COLORS[1:], strict=False))
+    if len(owners) <= len(COLORS):
+        found, shown = list[str](), {own.get(owner) for owner in owners}
+        free = sorted((color for color in COLORS if color not in shown), key=[*own.values()].__contains__)
+        for owner in owners:
+            color = own.get(owner)
+            found.append(free.pop(0) if color is None or color in found else color)
+        return found
+    if own.keys().isdisjoint(owners):  # buses without a machine
         moves = np.nanmax(values, axis=0, initial=-np.inf) - np.nanmin(values, axis=0, initial=np.inf)
-        own = dict(zip(np.argsort(-moves, kind="stable")[:MOVING].tolist(), COLORS[1:], strict=False))
-        return [own.get(k, GRAY) for k in range(number)]
-    colored = dict(zip(sorted(marked, key=naming.order), COLORS[1:], strict=False))
-    return [colored.get(owner, GRAY) for owner in owners]
+        most = np.argsort(-moves, kind="stable")[:MOVING].tolist()
+        own, owners = dict(zip(most, COLORS[1:], strict=False)), range(len(owners))
+    return [own.get(owner, rest) for owner in owners]
 
 
 def _with_jumps(run: Trajectory, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

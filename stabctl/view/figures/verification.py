@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SIZE = 9.6, 4.4  # inches
-SLOWEST = -3.5  # 1/s   left edge of the plane
+LEFT, TOP = -3.5, 2.6  # 1/s, Hz   edges of the plane
 LEAST = 1e-8  # a smaller difference is drawn there
 
 
@@ -29,8 +29,8 @@ def plot(found: Verification) -> "Figure":
     Returns
     -------
     matplotlib.figure.Figure
-        Left: frequency (Hz) against real part (1/s) of oscillations from 0.1 to 5 Hz. Right: the difference of every
-        number in the unit of its quantity, from small to large.
+        Left: frequency (Hz) against real part (1/s) of oscillations from 0.1 to 5 Hz; those above 2.6 Hz or left of
+        -3.5 1/s are outside. Right: the difference of every number in the unit of its quantity, from small to large.
 
     Examples
     --------
@@ -48,9 +48,12 @@ def _plane(ax: "Axes", found: Verification) -> None:
         s = np.array([complex(row.published if name == "reference" else row.ours) for row in rows])
         ax.plot(s.real, s.imag / (2 * np.pi), marker, mfc="none", mec=color, ms=size, mew=1.1, ls="none", label=name)
     ax.axvline(0, color=GRAY, linewidth=0.8)
-    ax.set(xlabel="real part (1/s)", ylabel="frequency (Hz)", ylim=(0, 2.6))
-    ax.set_xlim(SLOWEST, max([0.5, *(1.1 * np.real(row.published) for row in rows)]))
-    ax.set_title(f"{len(rows)} oscillations between {SWING[0]:g} and {SWING[1]:g} Hz")
+    theirs = [complex(row.published) for row in rows]
+    ax.set(xlabel="real part (1/s)", ylabel="frequency (Hz)", ylim=(0, TOP))
+    ax.set_xlim(LEFT, max([0.5, *(1.1 * s.real for s in theirs)]))
+    shown = sum(s.real > LEFT and s.imag < 2 * np.pi * TOP for s in theirs)
+    number = f"{shown} of {len(rows)}, the others outside" if shown < len(rows) else f"{shown}"
+    ax.set_title(f"Oscillations between {SWING[0]:g} and {SWING[1]:g} Hz: {number}")
     ax.legend(loc="upper left")
 
 

@@ -24,7 +24,17 @@ LOWEST = 20  # voltages in a table
 MACHINES = "machine", "largest change of angle (deg)", "lowest (Hz)", "highest (Hz)", "disconnected (s)"
 VOLTAGES = "bus", "lowest voltage (pu)", "at (s)", "voltage at the end (pu)"
 DEVICES = "device", "rating (MW)", "largest absorbed (MW)", "largest injected (MW)", "range of energy (kWh)"
-ITERATIONS = "convex program", "clearing time (cycles)", "excursion (deg)", "solver", "simulations so far"
+ITERATIONS = "convex program", "clearing time (cycles)", "excursion (rad)", "solver", "simulations so far"
+SPEEDS = (
+    "True and estimated speeds",
+    "against the center of inertia of the others, with three standard deviations as the filter reports them.",
+)
+COMMANDS = "Bang-bang commands", "from true and from estimated speeds."
+SCHEDULED = "Angles and storage powers with the schedule.", "The law takes over at the dashed line."
+EXCURSION = (
+    "Excursion, which the programs make small: the largest change of an angle from the center of inertia, plus "
+    "a tenth of the mean over time of the sum of their squares, in rad."
+)
 
 
 def simulation(run: Trajectory) -> Page:
@@ -144,22 +154,7 @@ def estimates(found: Estimates) -> Page:
         [*(f"{run.outcome.message}" for run in found.runs[:1]), *(f"{one}" for one in str(found).splitlines())],
         [(value, f"{unit}, {what}") for what, value, unit in rows[:1] + rows[2:4]],
         [
-            Section(
-                "Speeds",
-                [
-                    figure(
-                        estimated.plot(found),
-                        "True and estimated speeds",
-                        "against the center of inertia of the others, with three standard deviations as the filter "
-                        "reports them.",
-                    ),
-                    figure(
-                        estimated.commands(found),
-                        "Bang-bang commands",
-                        "from true and from estimated speeds.",
-                    ),
-                ],
-            ),
+            Section("Speeds", [figure(estimated.plot(found), *SPEEDS), figure(estimated.commands(found), *COMMANDS)]),
             Section("Accuracy", [table(("", "value", "unit"), rows, note)]),
         ],
     )
@@ -168,8 +163,7 @@ def estimates(found: Estimates) -> Page:
 def optimum(found: Optimum) -> Page:
     """Return the page of an optimal schedule."""
     rows = [
-        (str(x.number), f"{x.cycles:g}", f"{np.rad2deg(x.excursion):.1f}", x.status, str(x.simulations))
-        for x in found.iterations
+        (str(x.number), f"{x.cycles:g}", f"{x.excursion:.3f}", x.status, str(x.simulations)) for x in found.iterations
     ]
     energy = [(name, f"{kwh:.3g}") for name, kwh in zip(found.run.devices(), found.energy_kwh, strict=True)]
     return Page(
@@ -182,18 +176,9 @@ def optimum(found: Optimum) -> Page:
             (f"{found.energy_kwh.sum():.3g}", "kWh used in total"),
         ],
         [
-            Section(
-                "Run",
-                [
-                    figure(
-                        storage_control.plot_optimum(found),
-                        "Angles and storage powers with the schedule.",
-                        "The law takes over at the dashed line.",
-                    )
-                ],
-            ),
+            Section("Run", [figure(storage_control.plot_optimum(found), *SCHEDULED)]),
             Section("Energy", [table(("device", "range of energy (kWh)"), energy)]),
-            Section("Convex programs", [table(ITERATIONS, rows)]),
+            Section("Convex programs", [table(ITERATIONS, rows, EXCURSION)]),
         ],
     )
 

@@ -126,7 +126,8 @@ def test_a_signal_that_hardly_moves_is_not_blown_up(cases):
 def test_colors_mark_the_machines_that_are_lost_or_move_most():
     def colors(owners, unstable, swings):
         point = SimpleNamespace(rotor_names=tuple(range(20)))
-        run = SimpleNamespace(unstable_machines=unstable, point=point, peak=np.array(swings))
+        outcome = SimpleNamespace(off_frequency=())
+        run = SimpleNamespace(unstable_machines=unstable, outcome=outcome, point=point, peak=np.array(swings))
         return trajectory._colors(np.outer([0.0, 1.0], swings[: len(owners)]), owners, run)
 
     swings = [(7 * k) % 20 for k in range(20)]
@@ -140,6 +141,30 @@ def test_colors_mark_the_machines_that_are_lost_or_move_most():
     assert [k for k, c in enumerate(colors([""] * 20, (), swings)) if c != GRAY] == sorted(np.argsort(swings)[-5:])
     most = colors(range(20), tuple(range(12)), swings)
     assert most == [COLORS[1]] * 12 + [trajectory.MANY] * 8
+
+
+@pytest.mark.parametrize("storage", ["3@11=50MW,4@10=50MW", "1@5=20MW,1@6=30MW,3@5=10MW"])
+def test_storage_has_the_color_of_its_machine(cases, storage):
+    """A second device of a machine has a color that no machine has, as buses without a machine."""
+    figure = trajectory.overview(
+        simulate(cases("two_area"), None, 0.1, storage=storage), "speed,voltage:7,voltage:8,storage"
+    )
+    speed, voltage, power = ({text.get_text(): text.get_color() for text in ax.texts} for ax in figure.axes)
+    seen = []
+    for name, color in sorted(power.items()):
+        machine = f"machine {re.search('[0-9]+', name)[0]}"
+        assert (color == speed[machine]) == (machine not in seen)
+        assert (color in speed.values()) == (machine not in seen)
+        seen.append(machine)
+    assert len({*power.values()}) == len(power)
+    assert {*voltage.values()}.isdisjoint(speed.values())
+
+
+def test_machines_of_an_island_that_loses_its_frequency_are_colored(cases):
+    found = simulate(cases("ieee39"), [st.Open("16-19", at=2.0), st.TripMachine(3, at=4.0)], 8.0)
+    assert found.outcome.off_frequency == (4, 5)
+    assert "of the island of machines 4, 5 was" in found.outcome.message
+    assert [text.get_text() for text in trajectory.plot(found).texts] == ["machine 4", "machine 5"]
 
 
 def test_channels_of_an_overview_are_those_of_the_table(held):

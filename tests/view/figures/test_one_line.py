@@ -182,6 +182,15 @@ def test_results_are_drawn_on_it(cases, points):
     assert crowded(ax) == []
 
 
+@pytest.mark.parametrize("name", ["a name of many words " * 5, "one_word" * 12])
+def test_a_long_name_of_the_system_is_whole_and_clear_of_its_mode(cases, points, name):
+    mode = points("wscc9").modes().mode(0)
+    for results in ((), (mode,)):
+        ax = replace(cases("wscc9"), name=name.strip()).plot(*results)
+        assert crowded(ax) == []
+        assert "".join(ax.get_title(loc="left").split()).startswith("".join(name.split()))
+
+
 def test_a_screen_colors_each_end_of_a_line(cases, points):
     found = st.screen(points("wscc9"), resolution="2cyc", limit="20cyc", observe="1s", longest=0)
     ax = cases("wscc9").plot(found)

@@ -74,6 +74,15 @@ def test_labels_stand_apart(found):
 
 
 @pytest.mark.slow
+def test_the_whole_phase_is_on_its_axis(found):
+    size, phase = figures.bode(found).axes
+    assert (size.get_yscale(), phase.get_yscale()) == ("log", "linear")
+    low, high = phase.get_ylim()
+    assert all(low <= min(y) and max(y) <= high for y in (line.get_ydata() for line in phase.lines))
+    assert min(min(line.get_ydata()) for line in phase.lines) < 0
+
+
+@pytest.mark.slow
 def test_the_command_writes_the_page(stabctl, tmp_path):
     code, text, _ = stabctl("design", "pss", "two_area_thyristor", "--damping", "0.13", "--report", tmp_path)
     assert code == 0
