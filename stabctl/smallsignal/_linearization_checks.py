@@ -68,8 +68,9 @@ def limited(point: OperatingPoint) -> None:
             )
     raise LinearizationError(
         f"The equations at {_where(point, rows[0])} are not differentiable at the operating point of "
-        f"{point.case.name}; choose another operating point. A signal is exactly at a level in its data, or a "
-        "deadband of no width with two slopes (Ddn and Dup) bends there."
+        f"{point.case.name}; choose another operating point. A signal is exactly at a level in its data, a deadband of "
+        "no width with two slopes (Ddn and Dup) bends there, or a converter that can only deliver power has none: "
+        "give it some."
     )
 
 

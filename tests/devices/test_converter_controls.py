@@ -364,7 +364,7 @@ def test_without_power_at_the_start_reactive_power_is_held_instead_of_its_ratio(
 
 @pytest.mark.parametrize("RefFlag", [0, 1])
 def test_a_reference_that_nothing_reads_rests_within_its_limits(RefFlag):
-    """With PfFlag = 1, REEC does not read Qext of REPC: Q of the unit, or the nearest limit."""
+    """With PfFlag = 1, REEC does not read Qext of REPC: Q of the unit, or between the limits, with a derivative."""
     plant = PLANT._replace(RefFlag=RefFlag)
     control = {"regc_a": REGC, "reec_b": REEC._replace(PfFlag=1)}
     _, alone = after_a_load_step(control, 300.0)
@@ -373,8 +373,9 @@ def test_a_reference_that_nothing_reads_rests_within_its_limits(RefFlag):
         assert np.abs(V - alone).max() < 1e-12  # measured 5e-14
         f = point.system.family("repc_a")
         Q = point.s[point.layout.signals[0, "Q"]]
-        rests = np.clip(Q, given.get("Qmin", Q), given.get("Qmax", Q))
+        rests = 0.005 if given else Q
         assert point.s[f.w[0, 0] + repc_a.State._fields.index("xq")] == pytest.approx(rests, abs=1e-12)
+        linearize(point)
 
 
 @pytest.mark.parametrize("flags", [{}, {"QFlag": 1}])
@@ -398,6 +399,14 @@ def test_a_converter_without_an_equilibrium_is_told_what_to_check():
     """REEC_B takes no power."""
     with pytest.raises(EquilibriumError, match="; check its dispatch, and the flags, gains and current curves of its"):
         operating_point.solve(small({"regc_a": REGC, "reec_b": REEC._replace(Pmin=-1.0)}, p=-50.0))
+
+
+def test_without_power_a_converter_that_takes_none_has_no_linear_model_and_says_so():
+    """Its current has a derivative upwards only; with 0.01 MW it has both."""
+    models = {"regc_a": REGC, "reec_b": REEC._replace(Pmin=-0.1)}
+    with pytest.raises(LinearizationError, match="a converter that can only deliver power has none: give it some"):
+        linearize(operating_point.solve(small(models, p=0.0)))
+    assert len(linearize(operating_point.solve(small(models, p=0.01))).states)
 
 
 def test_a_droop_with_two_slopes_and_no_deadband_is_named_where_it_bends():

@@ -152,7 +152,8 @@ def equations(x, u, p):
 
 
 def guess(V: complex, I: complex, p: Par) -> State:
-    """States of the power flow within the limits, where those of a reference that nothing reads remain."""
+    """States of the power flow, or between the limits, where those of a reference that nothing reads remain."""
     S = V * I.conjugate()
-    Q, P = min(max(S.imag, p.Qmin), p.Qmax), min(max(S.real, p.Pmin), p.Pmax)
+    Q = S.imag if p.Qmin <= S.imag <= p.Qmax else (p.Qmin + p.Qmax) / 2
+    P = S.real if p.Pmin <= S.real <= p.Pmax else (p.Pmin + p.Pmax) / 2
     return State(S.imag, Q, Q, S.real, P, P)
