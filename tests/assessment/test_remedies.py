@@ -397,8 +397,9 @@ def test_each_group_gives_up_as_little_as_is_enough():
     produced = base.flow.S.real * base.case.base_mva
     every = zip(base.case.machines, produced, strict=True)
     now = np.array([found.values.get(f"machines.{m.machine}.p", p) for m, p in every])
-    assert now.sum() == pytest.approx(produced.sum(), abs=1e-3)
+    assert now == pytest.approx(found.point.flow.S.real * base.case.base_mva, abs=1e-5)
     assert found.unsolved == ()
+    swing = np.array([m.machine == 2 for m in base.case.machines])  # which also covers what the losses change
 
     def survives(p):
         case = base.case.set({f"machines.{m.machine}.p": float(x) for m, x in zip(base.case.machines, p, strict=False)})
@@ -406,11 +407,11 @@ def test_each_group_gives_up_as_little_as_is_enough():
         return all(point.simulate(one, until=1.0 + 8 / 60 + 3.0).outcome.stable for one in lost)
 
     assert survives(now)
-    less = now < produced - 1e-6
+    less = (now < produced - 1e-6) & ~swing
     shares = (produced - now)[less] / produced[less]
     groups = np.unique(shares.round(6))
     assert len(groups) == 2
-    taken = np.where(less, 0.0, now - produced)
+    taken = np.where(less | swing, 0.0, now - produced)
     for share in groups:
         back = np.where(less & (abs(1 - now / produced - share) < 1e-5), STEP * produced, 0.0)
         assert not survives(now + back - taken * back.sum() / taken.sum())
