@@ -127,8 +127,10 @@ def _schema(kind: type, choices: tuple[str, ...], limits: Mapping[str, float]) -
         return core_schema.literal_schema(list(choices))
     if kind is str:
         return core_schema.no_info_after_validator_function(_printable, core_schema.str_schema(strict=True))
-    if kind in (bool, Any):
-        return core_schema.bool_schema(strict=True) if kind is bool else core_schema.any_schema()
+    if kind is bool:
+        return core_schema.bool_schema(strict=True)
+    if kind is Any:
+        return core_schema.any_schema()
     bounds = {"ge": -LARGEST, "le": LARGEST} | dict(limits)
     if kind is int:
         whole: Any = {name: int(limit) for name, limit in bounds.items()}

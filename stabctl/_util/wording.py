@@ -54,6 +54,11 @@ def numbered(names: Iterable[int | str]) -> list[int | str]:
     return found
 
 
+def capitalized(text: str) -> str:
+    """The text with a capital letter first; the others stay as they are."""
+    return text[0].upper() + text[1:]
+
+
 def number(value: float, digits: int) -> str:
     """Format a number with so many decimals; zero has no sign."""
     return f"{value:z.{digits}f}"

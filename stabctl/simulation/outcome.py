@@ -9,7 +9,7 @@ import numpy as np
 
 from stabctl import devices
 from stabctl._util.errors import StudyError
-from stabctl._util.wording import enumerated, listed
+from stabctl._util.wording import capitalized, enumerated, listed
 from stabctl.dynamics import family
 from stabctl.dynamics.assembly import Angle
 from stabctl.dynamics.layout import Layout
@@ -105,7 +105,7 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
         case _judgment.SLIPPED | _judgment.UNLOCKED:
             kind, machine, where = Kind.LOST_SYNCHRONISM, number, " of its island" if cut or several else ""
             text = (
-                f"{called[0].upper()}{called[1:]} lost synchronism at {t:.3f} s: {_angle(point, end)} moved "
+                f"{capitalized(called)} lost synchronism at {t:.3f} s: {_angle(point, end)} moved "
                 f"{np.rad2deg(criterion.max_angle):.0f} degrees relative to the center of inertia{where}"
                 f"{_at_limit(point, end)}."
             )
@@ -131,7 +131,8 @@ def outcome(point: OperatingPoint, end: End, criterion: Criterion) -> Outcome:
         case _judgment.EMPTY | _judgment.FULL_STORE:
             kind, blamed, empty = Kind.VOLTAGE_COLLAPSE, bus, end.verdict == _judgment.EMPTY
             state, need = ("empty", "needs its power") if empty else ("full", "has more power than it needs")
-            text = f"S{called[1:]} is {state} at {t:.3f} s, and its island, which has no machine, {need}: it is lost."
+            what = f"{capitalized(called)} is {state} at {t:.3f} s"
+            text = f"{what}, and its island, which has no machine, {need}: it is lost."
         case _ if not end.weight.any():
             text = f"Every island kept its voltage until {t:.3f} s; without a rotor, synchronism is not judged."
         case _ if cut:
@@ -310,7 +311,7 @@ def _cycling(point: OperatingPoint, end: End) -> str:
     limits = ", or from ramp limit to ramp limit" if any(s.ramp for s in point.case.storage) else ""
     advice = "widen" if end.relay else "reduce its gain or delay, or widen"
     return (
-        f"{what[0].upper()}{what[1:]} still {verb} between full charging and full discharging{limits}, up to "
+        f"{capitalized(what)} still {verb} between full charging and full discharging{limits}, up to "
         f"{rate:.2g} times per second: a limit cycle of the control; {advice} its deadband."
     )
 

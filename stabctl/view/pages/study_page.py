@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stabctl._util.wording import counted, number
+from stabctl._util.wording import capitalized, counted, number
 from stabctl.assessment import Study
 from stabctl.assessment.result import BAND
 from stabctl.clearing.index import CLEARED
@@ -235,8 +235,7 @@ def _ratios(study: Study) -> Iterator[Part]:
 
 def _operating_point(study: Study) -> Iterator[Part]:
     low, high = study.wanted.voltages
-    said = str(study.flow)
-    yield Text(f"{said[0].upper()}{said[1:]}.")
+    yield Text(f"{capitalized(str(study.flow))}.")
     if study.low_or_high:
         rows = [(str(bus), f"{size:.4f}") for bus, size in study.low_or_high]
         yield table(("bus", "voltage (pu)"), rows, f"Buses outside {low:g} to {high:g} pu.")
