@@ -57,8 +57,9 @@ class Controller:
     ramp : float, 1/s
         Largest change of the output of a sampled controller per second; 0 is unlimited.
     tracking : str or float, s, optional
-        Time constant Tt of the anti-windup: x' also has C+ (limited - unlimited output) / Tt, C+ the pseudoinverse of
-        C, as in a PI controller (K. Astrom, T. Hagglund, Advanced PID Control, 2006, section 3.5).
+        Time constant Tt of the anti-windup: x' also has C+ (limited - unlimited output) / Tt, both behind the delay,
+        C+ the pseudoinverse of C, as in a PI controller (K. Astrom, T. Hagglund, Advanced PID Control, 2006, section
+        3.5). Below 2/pi of the delay it oscillates.
     gate : Gate, optional
         When it acts.
     law : callable, optional

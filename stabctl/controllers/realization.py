@@ -62,11 +62,13 @@ def _after(first: Matrices, last: Matrices) -> Matrices:
     return Matrices(A, np.vstack([first.B, last.B @ first.D]), np.hstack([last.D @ first.C, last.C]), last.D @ first.D)
 
 
-def anti_windup(c: Controller, C: np.ndarray) -> np.ndarray:
+def anti_windup(c: Controller, states: int) -> np.ndarray:
     """Matrix L (states, outputs) of the anti-windup, x' = ... + L (limited - unlimited output); of a frame if sampled.
 
-    Its time constant is `tracking`; L = C+ / tracking, C+ the pseudoinverse of C. Zero without tracking.
+    Its time constant is `tracking`; L = C+ / tracking, C+ the pseudoinverse of C. Zero without tracking, and of the
+    states of a delay, which follow those of the controller.
     """
-    if not c.tracking or not C.size:
-        return np.zeros(C.T.shape)
-    return np.linalg.pinv(C) * (1 - np.exp(-1 / (c.rate * c.tracking)) if c.rate else 1 / c.tracking)
+    L = np.zeros((states, len(c.C)))
+    if c.tracking:
+        L[: len(c.A)] = np.linalg.pinv(c.C) * (1 - np.exp(-1 / (c.rate * c.tracking)) if c.rate else 1 / c.tracking)
+    return L

@@ -229,7 +229,7 @@ class _Attachment:
         """The row of constants, as `lti` describes it."""
         what, n, p = c.controller, len(M.A), len(c.outputs)
         low, high = c.limits
-        L = anti_windup(what, M.C)
+        L = anti_windup(what, n)
         levels = [max(low, -BOUND), min(high, BOUND), what.deadband, float(what.relay)]
         parts: list[Any] = [[n, m, p], *(X.ravel() for X in M), c.rest[:m], self._units(c)[:m], levels, L.ravel()]
         return np.concatenate(parts).tolist()

@@ -224,7 +224,7 @@ class _Part:
         what = c.controller
         self.K = c.undelayed
         self.delay, self.shape = what.delay, (len(c.outputs), len(c.inputs))
-        self.L = np.zeros_like(self.K.C.T) if acts is None or acts.gentle else anti_windup(what, self.K.C)
+        self.L = np.zeros_like(self.K.C.T) if acts is None or acts.gentle else anti_windup(what, len(self.K.A))
 
     def at(self, s: complex, point: complex) -> tuple[np.ndarray, np.ndarray]:
         """E K and E C R L."""

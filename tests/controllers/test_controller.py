@@ -121,13 +121,33 @@ def test_a_sampled_integrator_leaves_its_limit_without_windup(base):
     assert last_at_limit("50ms") < last_at_limit(None) - 0.5
 
 
+@pytest.mark.parametrize("tracking", ["50ms", "0.2s", None])
+def test_at_its_limit_a_late_integrator_follows_its_equations(base, tracking):
+    """With u = 500 x, 50 ms late, and v = u limited: x' = y + (v - u) / (500 Tt), in frames of 1/600 s as well."""
+    one = st.Controller.from_control(
+        control.ss(500 / S), "deviation:1", "order:1@5", delay="50ms", limits=0.2, tracking=tracking
+    )
+    fault, h = st.Contingency("7-8@0.4", clear="6cyc"), 1e-3
+    run, frames = (base.simulate(fault, "3s", control=c) for c in (one, one.sampled(600)))
+    T, speed, H = np.arange(0, 3, h), run.arrays.speed, base.inertia
+    y = np.interp(T, run.time, speed[:, 0] - speed[:, 1:] @ H[1:] / H[1:].sum())
+    x, wanted = np.zeros((2, len(T)))
+    for k in range(len(T) - 1):
+        u = 500 * x[k - 50] if k >= 50 else 0.0
+        wanted[k] = np.clip(u, -0.2, 0.2)
+        x[k + 1] = x[k] + h * (y[k] + (0 if tracking is None else (wanted[k] - u) / 500 / one.tracking))
+    orders = np.interp(T, run.time, order(run))
+    assert np.abs(wanted).max() == 0.2
+    assert np.abs(orders - wanted)[:-1].max() < 0.002  # 0.0011
+    assert np.abs(orders - np.interp(T, frames.time, order(frames))).max() < 0.004
+
+
 @pytest.mark.parametrize(("rate", "left"), [(None, -1 / 0.08), (50, np.exp(-1 / 50 / 0.08))])
 def test_the_output_beyond_a_limit_decays_with_the_tracking_time(rate, left):
     """Of the excess e of two outputs: e' = -e/0.08 s, or a factor exp(-T/0.08 s) per frame T."""
     block = control.ss(-np.eye(3), np.ones((3, 1)), [[1.0, 2.0, -0.5], [0.3, 0.0, 4.0]], np.zeros((2, 1)))
     law = st.Controller.from_control(block, "deviation:1", "order:1@5, order:2@6", rate=rate, tracking=0.08)
-    C = np.array([[1.0, 2.0, -0.5], [0.3, 0.0, 4.0]])
-    L = anti_windup(law, C)
+    C, L = law.C, anti_windup(law, 3)
     assert (-C @ L if rate is None else np.eye(2) - C @ L) == pytest.approx(left * np.eye(2), abs=1e-12)
 
 
