@@ -236,8 +236,13 @@ class _Attachment:
 
     def _units(self, c: Named) -> list[int]:
         """The unit of every input, which counts as at rest while that is off; -1 if it belongs to none or several."""
-        of_unit = [machines(s) if OUTPUTS[s.kind].place in ("machine", "group") else () for s in c.inputs]
-        return [self.unit[own[0]] if len(own) == 1 else -1 for own in of_unit]
+        return [self._unit(s) for s in c.inputs]
+
+    def _unit(self, signal: Signal) -> int:
+        if signal.kind == "state":
+            return self.base.layout.states[outputs.state(self.base, signal)].unit
+        own = machines(signal) if OUTPUTS[signal.kind].place in ("machine", "group") else ()
+        return self.unit[own[0]] if len(own) == 1 else -1
 
 
 class _Sensors:

@@ -305,14 +305,30 @@ def test_the_controller_of_a_tripped_machine_stops(base):
     assert np.ptp(state[after]) == 0
 
 
+@pytest.mark.parametrize("read", ["speed:1", "state:speed GENROU 1", "state:field voltage SEXS 1"])
 @pytest.mark.parametrize("kind", ["continuous", "sampled", "function"])
-def test_inputs_of_a_tripped_machine_count_as_at_rest(base, kind):
+def test_inputs_of_a_tripped_machine_count_as_at_rest(base, kind, read):
+    """Also its states, and those of its controls."""
     gain = control.ss([], [], [], [[50.0]])
-    one = st.Controller.from_control(gain, "speed:1", "order:2@6", rate=60 if kind == "sampled" else None)
+    one = st.Controller.from_control(gain, [read], "order:2@6", rate=60 if kind == "sampled" else None)
     if kind == "function":
-        one = st.Controller.from_function(lambda seen: 50 * seen["speed:1"], "speed:1", "order:2@6")
-    run = base.simulate(st.TripMachine(1, 0.5), "2s", control=one, criterion=st.Criterion(max_angle=1e3))
+        one = st.Controller.from_function(lambda seen: 50 * seen[read], [read], "order:2@6")
+    events = [st.LoadStep(7, "0.1s", p=50), st.TripMachine(1, 0.5)]
+    run = base.simulate(events, "2s", control=one, criterion=st.Criterion(max_angle=1e3))
+    before = run.time < 0.5
+    assert np.abs(order(run, 1)[before]).max() > 1e-3
     assert np.abs(order(run, 1)[run.time > 0.55]).max() == 0
+
+
+def test_the_storage_of_a_tripped_machine_is_still_read(cases):
+    """It has its own connection: a state of it goes on, and so does what reads it."""
+    base = cases("two_area").initialize([st.Storage(1, 5, 50.0, lag=0.1), st.Storage(2, 6, 50.0)])
+    read = st.Controller("state:power ESD 1@5", "order:2@6", [], [], [], [[1.0]], name="read")
+    drive = st.Controller.from_function(lambda seen: 0.2, "deviation:1", "order:1@5", gate=st.Gate(start=1.0))
+    run = base.simulate(st.TripMachine(1, 0.5), "2s", control=[read, drive], criterion=st.Criterion(max_angle=1e3))
+    share = run.arrays.storage[:, 0] / 50
+    assert share[-1] == pytest.approx(0.2, rel=1e-3)
+    assert np.abs(order(run, 1) - share).max() < 1e-9
 
 
 @pytest.mark.parametrize(
