@@ -18,6 +18,7 @@ from .operating_point import OperatingPoint
 from .signals import OF_ROTOR, Signal, machines
 
 STEP = 1e-30
+FAR = 0.5  # pu   change of every signal by which a state shows whether it ever moves
 
 
 class Reading(NamedTuple):
@@ -180,12 +181,36 @@ def line(
 
 
 def state(point: OperatingPoint, signal: Signal) -> int:
-    """Place in s of a state, by its label. Raises `StudyError` if there is no such state."""
+    """Place in s of a state, by its label. Raises `StudyError` if there is no such state, or its block is bypassed."""
     labels = unique(p.label for p in point.layout.states)
-    if signal.place not in labels:
-        similar = difflib.get_close_matches(str(signal.place), labels, n=3)
+    used, name = dict(zip(labels, _used(point), strict=True)), str(signal.place)
+    if used.get(name):
+        return labels.index(name)
+    if name in used:
         raise StudyError(
-            f"{point.case.name} has no state {shown(signal.place)}; " + (f"similar ones are {', '.join(similar)}."
-            if similar else f"its first ones are {', '.join(labels[:3])}.")
-        )  # fmt: skip
-    return labels.index(str(signal.place))
+            f"The state {name} of {point.case.name} never moves: a time constant of 0, or a flag, bypasses its block. "
+            "Leave it out, or give the device that time constant, such as a lag of storage."
+        )
+    there = [label for label in labels if used[label]]
+    similar = difflib.get_close_matches(name, there, n=3)
+    raise StudyError(
+        f"{point.case.name} has no state {shown(signal.place)}; " + (f"similar ones are {', '.join(similar)}."
+        if similar else f"its first ones are {', '.join(there[:3])}.")
+    )  # fmt: skip
+
+
+def _used(point: OperatingPoint) -> np.ndarray:
+    """States (mask) that move or are read, at the operating point or far from it; blocks that are bypassed have others.
+
+    Far from it, because a state at rest within a deadband, or behind a limit, may move in a run.
+    """
+    if "used" not in vars(point):
+        layout, equations, found = point.layout, point.equations, []
+        far = np.zeros(layout.size)
+        far[: layout.step] = np.random.default_rng(0).normal(scale=FAR, size=layout.step)
+        for s in (point.s.copy(), point.s + far, point.s - far):
+            slopes, values = equations.entries(s)
+            found += [equations.rows[slopes != 0], equations.columns[slopes != 0], np.flatnonzero(values)]
+        vars(point)["used"] = np.isin(np.arange(layout.nx), np.concatenate(found))
+    used: np.ndarray = vars(point)["used"]
+    return used

@@ -1,5 +1,7 @@
 """Every signal that a controller reads or drives is that of the linear model with the same name."""
 
+from contextlib import nullcontext
+
 import control
 import numpy as np
 import pytest
@@ -100,6 +102,35 @@ def test_set_points_of_converters_are_driven(name, devices):
     assert largest.all()
     assert wrong[0] < 3e-6 * largest[0]  # 1.1e-6
     assert wrong[1] < 3e-4 * largest[1]  # 9.8e-5, as far as the voltages are iterated (1e-7 pu)
+
+
+@pytest.mark.parametrize(
+    ("devices", "bypassed"),
+    [
+        (KINDS["sexs bypassed"], {"transducer SEXS 1", "lead-lag SEXS 1", "field voltage SEXS 1"}),
+        pytest.param((KINDS | LIBRARY)["regfm_a1"], set(), marks=pytest.mark.slow),
+    ],
+)
+def test_a_state_is_read_if_it_ever_moves(devices, bypassed):
+    """Also one that rests behind a limit, and is not in the linear model; that of a bypassed block is refused."""
+    point = operating_point.solve(small(devices))
+    run = point.simulate(st.Contingency("2", clear="150ms"), "3s")
+    moved = np.ptp(run.rows[:, : point.layout.nx], axis=0) > 0
+    for one, moves in zip(point.layout.states, moved, strict=True):
+        reader = st.Controller(f"state:{one.label}", "load_p:2", [], [], [], [[1.0]])
+        for study in (lambda c: point.simulate(until="10ms", control=c), point.closed_loop):
+            refused = pytest.raises(StudyError, match=f"The state {one.label} of small never moves: a time constant")
+            with refused if one.label in bypassed else nullcontext():
+                study(reader)
+        assert not (moves and one.label in bypassed)
+
+
+def test_the_state_of_storage_without_a_lag_is_refused(cases):
+    """What reads it was designed for another system."""
+    reads, case = "state:power ESD 1@5", cases("two_area")
+    assert case.initialize(storage=[st.Storage(1, 5, 50.0, lag=0.1)]).linearize("order", reads).C.any()
+    with pytest.raises(StudyError, match="give the device that time constant, such as a lag of storage"):
+        case.initialize(storage="50MW").linearize("order", reads)
 
 
 def test_a_storage_device_stays_within_its_apparent_power(base):
