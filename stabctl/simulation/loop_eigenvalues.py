@@ -6,8 +6,8 @@ accelerations a = A_w x + L u of the linearized system, and orders u = K x + G a
     x' = (A + B inv(1 - G L) (K + G A_w)) x
 
 A and B are those of `closed_loop`: the exact derivatives of the devices, with the voltages eliminated. Controllers are
-taken without deadbands and limits, as they are where they act. Relays and sampled controllers close no loop here,
-because what they give is constant between two instants.
+taken without deadbands and limits, as they are where they act. Relays, sampled controllers and estimators close no loop
+here, because what they give is constant between two instants. With any of these an eigenvalue that grows tells nothing.
 """
 
 from collections.abc import Callable
@@ -27,6 +27,7 @@ from stabctl.dynamics.operating_point import OperatingPoint
 
 from . import lti
 from .attached import BOUND, Attached
+from .control import Acting
 from .wired import Wired, orders_of, storage_devices
 
 DENSE = 300  # states up to which all eigenvalues are found
@@ -39,30 +40,36 @@ class Eigenvalues(NamedTuple):
     """What a run needs to know of the eigenvalues of a closed loop."""
 
     fastest: float = 0.0  # 1/s   largest magnitude of an eigenvalue; 0 if no loop is closed continuously
-    growing: complex | None = None  # 1/s   the eigenvalue with the largest real part, if it is known and grows
+    growing: complex | None = None  # 1/s   the rightmost, if all loops are closed here and it grows
+    alone: complex | None = None  # 1/s   the same of the system without the control, if both grow
 
 
-def eigenvalues(what: Attached, law: Law | None, wired: Wired) -> Eigenvalues:
+def eigenvalues(point: OperatingPoint, parts: Acting, what: Attached, wired: Wired) -> Eigenvalues:
     """The eigenvalues at rest. Raises `StudyError` if the orders take away more inertia than there is.
 
     Parameters
     ----------
+    point
+        The operating point without the control.
+    parts
+        The control.
     what
         The operating point with its controllers.
-    law
-        The law of the storage devices, if any.
     wired
-        Both, connected for the stepper.
+        That, connected for the stepper with the law.
     """
-    gains = np.zeros((0, 3))
+    law, gains = parts.law, np.zeros((0, 3))
     if law is not None and wired.places.follows:
         gains = np.array([_gains(law, device) for device in storage_devices(what.point.case)]).reshape(-1, 3)
     if not gains.any() and not any(f.device.module is lti for f in wired.families):
         return Eigenvalues()
     kept = vars(what.point).setdefault("closed", {})
-    if law not in kept:
-        kept[law] = _eigenvalues(what, wired, gains)
-    return kept[law]
+    whole = not parts.pilots and not any(c.rate or c.relay for c in parts.controllers) and (not law or gains.any())
+    if (law, whole) not in kept:
+        found = _eigenvalues(what, wired, gains)
+        alone = _eigenvalues(Attached(point), wired, gains[:0]).growing if whole and found.growing else None
+        kept[law, whole] = found._replace(growing=found.growing if whole else None, alone=alone)
+    return kept[law, whole]
 
 
 def _gains(law: Law, device: StorageDevice) -> tuple[float, float, float]:
@@ -77,7 +84,7 @@ def _gains(law: Law, device: StorageDevice) -> tuple[float, float, float]:
 
 
 def _eigenvalues(what: Attached, wired: Wired, gains: np.ndarray) -> Eigenvalues:
-    point, rotors, nx = what.point, what.point.rotors, wired.layout.nx
+    point, rotors, nx = what.point, what.point.rotors, what.point.layout.nx
     moved, speeds = _linear(what)
     states = rotors.speed < nx
     speed = np.where(states, rotors.speed, 0)

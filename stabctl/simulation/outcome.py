@@ -316,11 +316,18 @@ def _cycling(point: OperatingPoint, end: End) -> str:
     )
 
 
+def _growth(s: complex) -> str:
+    """What grows with an eigenvalue (1/s), and how fast."""
+    hz = abs(s.imag) / (2 * np.pi)
+    return f"{f'an oscillation at {hz:.2g} Hz' if hz else 'a deviation'} grows by {s.real:.2g} 1/s"
+
+
 class ControlLoop(NamedTuple):
     """The loop that the control closes, and the step of the run."""
 
     fastest: float  # 1/s   of its eigenvalues
     growing: complex | None  # 1/s   the one that grows
+    alone: complex | None  # 1/s   and that without the control
     step: float  # s
     trusted: bool  # whether the step is short enough
     apart: bool  # orders and the accelerations they cause did not agree somewhere
@@ -330,11 +337,9 @@ class ControlLoop(NamedTuple):
         """Sentences on what makes the run doubtful; empty if nothing does."""
         said = []
         if self.growing is not None:
-            rate, hz = self.growing.real, abs(self.growing.imag) / (2 * np.pi)
-            what = f"an oscillation at {hz:.2g} Hz" if hz else "a deviation"
+            advice = "reduce the gain" if self.alone is None else f"without the control, {_growth(self.alone)}"
             said.append(
-                f"Where the control acts, the closed loop is unstable at rest: {what} grows by {rate:.2g} 1/s; reduce "
-                "the gain."
+                f"Where the control acts, the closed loop is unstable at rest: {_growth(self.growing)}; {advice}."
             )
         if not self.trusted:
             said.append(

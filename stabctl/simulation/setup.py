@@ -87,7 +87,7 @@ def setup(
     given = attached(point, parts.controllers, parts.measured)
     check_ramps(given)
     system = wired(given.point, parts.law, given.rates, given.gates)
-    loop = loop_eigenvalues.eigenvalues(given, parts.law, system)
+    loop = loop_eigenvalues.eigenvalues(point, parts, given, system)
     longest = parts.law.step if parts.law else steps.STEP
     own = steps.checked(given.point, step, loop.fastest, longest)
     judged = np.asarray(with_frequency(criterion, given.point.system))

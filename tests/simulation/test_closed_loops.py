@@ -214,11 +214,42 @@ def test_the_eigenvalue_that_grows_is_the_rightmost(points, gain):
     point, law = stored(points, "two_area", "70MW"), st.Feedback(gain, min_voltage=0.0)
     last = np.linalg.eigvals(point.closed_loop(*law.controllers(point.case)).A)
     last = last[last.real.argmax()]
-    _, growing = setup(point, law).closed
+    _, growing, alone = setup(point, law).closed
+    assert alone is None
     assert (growing is not None) == (last.real > loop_eigenvalues.GROWING) == (gain < 0)
     if growing is not None:
         assert growing.real == pytest.approx(last.real, rel=1e-8)
         assert abs(growing.imag) == pytest.approx(abs(last.imag), rel=1e-8)
+
+
+@pytest.mark.parametrize("acts", ["sampled", "estimator", "sampled law", "relay"])
+def test_a_loop_that_is_closed_elsewhere_is_not_called_unstable(points, acts):
+    """The eigenvalues here are those without it, of which one grows; that of the sampled damper is stable."""
+    point = stored(points, "two_area_thyristor")
+    damper = st.Controller("deviation:1", "order:1@5", [], [], [], [[200.0]], rate=60, name="damper")
+    assert point.closed_loop(damper).modes().stable
+    one = {
+        "sampled": damper,
+        "estimator": st.EstimatorControl(replace(damper, rate=None), "ideal"),
+        "sampled law": st.Feedback(1.0, min_voltage=0.0).sampled(60),
+        "relay": st.BangBang(),
+    }[acts]
+    small = st.Controller("speed:1", "vs:1", [], [], [], [[1e-6]], name="small")
+    assert setup(point, [one, small]).closed.growing is None
+    assert setup(point, small).closed.growing is not None
+
+
+def test_what_grows_without_the_control_is_said(points):
+    """To reduce the gain helps only where nothing grows without it."""
+    point = stored(points, "two_area_thyristor")
+    first = max(point.modes().eigenvalues, key=lambda s: s.real)
+    for gain in (1e-6, -100.0):
+        one = st.Controller("deviation:1", "order:1@5", [], [], [], [[gain]])
+        alone = setup(point, one).closed.alone
+        assert [alone.real, abs(alone.imag)] == pytest.approx([first.real, abs(first.imag)], rel=1e-6)
+        said = str(point.simulate(None, "0.1s", control=one))
+        assert re.search(r"by 0\.\d+ 1/s; without the control, an oscillation at 0.61 Hz grows by 0.033 1/s\.", said)
+        assert "reduce the gain" not in said
 
 
 def test_a_stable_loop_decays_after_a_small_step(points):
