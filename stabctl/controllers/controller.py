@@ -290,7 +290,7 @@ class Controller:
 
     @checks_arguments
     def scaled(self, gain: float) -> "Controller":
-        """The same controller with all outputs multiplied by a gain.
+        """The same controller with its C and D multiplied by a gain; limits, deadband, relay and ramp stay as they are.
 
         Parameters
         ----------

@@ -168,6 +168,15 @@ def test_a_gate_on_the_rate_of_the_frequency(base, rate):
     assert (np.abs(added[large]) > 0).mean() > 0.9  # not before the first frame, or the first derivative
 
 
+@pytest.mark.parametrize("options", [{"relay": True, "rate": 60}, {}])
+def test_a_gain_leaves_the_limits(base, options):
+    """So it does not scale what a relay gives, or an output at its limit."""
+    one = st.Controller("deviation:1", "order:1@5", [], [], [], [[500.0]], limits=0.2, deadband=1e-3, **options)
+    for gain in (1.0, 3.0):
+        run = base.simulate(st.Contingency("7-8@0.4", clear="6cyc"), "2s", control=one.scaled(gain))
+        assert np.abs(order(run)).max() == pytest.approx(0.2, abs=1e-12)
+
+
 def test_a_ramp_limits_the_change_per_frame(base):
     one = st.Controller.from_control(LAG, "deviation:1", "order:1@5", rate=60, ramp=0.6)
     run = base.simulate(st.Contingency("7-8@0.4", clear="6cyc"), "3s", control=one)
