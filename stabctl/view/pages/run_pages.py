@@ -18,7 +18,7 @@ from stabctl.sweep.results import Results
 
 from ..figures import estimates as estimated
 from ..figures import storage_control, trajectory
-from .pattern import Page, Part, Section, Text, about, figure, table
+from .pattern import Page, Part, Section, about, figure, table
 
 LOWEST = 20  # voltages in a table
 MACHINES = "machine", "largest change of angle (deg)", "lowest (Hz)", "highest (Hz)", "disconnected (s)"
@@ -195,7 +195,7 @@ def sweep(found: Results) -> Page:
         [f"In every run: {common}."] if common else [],
         [(str(len(rows) - failed), "runs"), *([(str(failed), "ended in an error")] if failed else [])],
         [
-            Section("Results", [table([c.replace("_", " ") for c in found.columns], rows)]),
-            Section("Errors", [Text(f"{what}: {sentence}") for what, sentence in found.errors[:LOWEST]]),
+            Section("Results", [table(found.columns, rows)]),
+            Section("Errors", [table(("job", "message"), found.errors)] if failed else []),
         ],
     )
