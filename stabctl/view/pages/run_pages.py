@@ -188,6 +188,7 @@ def sweep(found: Results) -> Page:
     names = sorted({str(row["case"]) for row in found.rows})
     rows = [tuple(map(results.cell, found.columns, cells)) for cells in found.cells]
     common = ", ".join(f"{column} {value}" for column, value in found.common.items())
+    heads = [c.replace("_", " ") if c in results.SWEEP.columns else c for c in found.columns]
     failed = len(found.errors)
     return Page(
         f"{names[0] if len(names) == 1 else 'cases'}_sweep",
@@ -195,7 +196,7 @@ def sweep(found: Results) -> Page:
         [f"In every run: {common}."] if common else [],
         [(str(len(rows) - failed), "runs"), *([(str(failed), "ended in an error")] if failed else [])],
         [
-            Section("Results", [table(found.columns, rows)]),
+            Section("Results", [table(heads, rows)]),
             Section("Errors", [table(("job", "message"), found.errors)] if failed else []),
         ],
     )
