@@ -46,6 +46,11 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in words)
 
 
+def is_line(text: object) -> bool:
+    """Whether it is a line of text without control characters, as names must be: they reach terminals and workbooks."""
+    return isinstance(text, str) and text.isprintable()
+
+
 def shown(value: object, most: int = 40) -> str:
     """A value as shown in messages: its repr, shortened if it is long."""
     try:

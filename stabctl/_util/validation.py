@@ -14,7 +14,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar, get_args, get_origin
 
-from .errors import StudyError, shown
+from .errors import StudyError, is_line, shown
 from .schema import Field, fields, hints
 from .units import NUMBER, kind_of, quantity
 
@@ -126,7 +126,7 @@ def _schema(kind: type, choices: tuple[str, ...], limits: Mapping[str, float]) -
     if choices:
         return core_schema.literal_schema(list(choices))
     if kind is str:
-        return core_schema.no_info_after_validator_function(_printable, core_schema.str_schema(strict=True))
+        return core_schema.no_info_after_validator_function(_line, core_schema.str_schema(strict=True))
     if kind is bool:
         return core_schema.bool_schema(strict=True)
     if kind is Any:
@@ -139,9 +139,9 @@ def _schema(kind: type, choices: tuple[str, ...], limits: Mapping[str, float]) -
     return core_schema.float_schema(strict=True, allow_inf_nan=False, **real)
 
 
-def _printable(text: str) -> str:
-    if not text.isprintable():
-        raise ValueError("not printable")
+def _line(text: str) -> str:
+    if not is_line(text):
+        raise ValueError("not one line")
     return text
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stabctl._util.errors import StudyError, shown
+from stabctl._util.errors import StudyError, is_line, shown
 from stabctl._util.validation import checks_arguments
 from stabctl._util.verbs import verb
 
@@ -123,6 +123,8 @@ class Controller:
 
     def _check(self) -> None:
         rate = self.rate
+        if not is_line(self.name):
+            raise StudyError(f"name = {shown(self.name)} is not allowed; give one line of text.")
         if rate is not None:
             object.__setattr__(self, "delay", checked_frames(self.name, rate, self.delay) / rate)
         if self.gate is not None and not isinstance(self.gate, Gate):

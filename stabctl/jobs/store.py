@@ -1,4 +1,4 @@
-"""The results file: SQLite with a write-ahead log, one transaction per row, keyed by the content of the job.
+"""The results file: SQLite with a write-ahead log, one transaction per row, keyed by content and labels of the job.
 
 With synchronous = FULL a committed row is on the disk: neither a killed process nor a power failure loses it or damages
 the file, and an interrupted commit has no effect.
@@ -7,7 +7,7 @@ the file, and an interrupted commit has no effect.
 import os
 import re
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock
@@ -56,8 +56,8 @@ class Store:
             self._base.execute("PRAGMA journal_mode = WAL")
             self._base.execute("BEGIN IMMEDIATE")
             if not _is_ours(self._base, self.path, self.kind):
-                listed = ", ".join(f'"{name}"' for name in self._columns[1:])
-                self._base.execute(f"CREATE TABLE {self.kind.table} (key TEXT PRIMARY KEY, {listed})")
+                listed, unique = map(_quoted, (self._columns, ("key", *self.kind.labels)))
+                self._base.execute(f"CREATE TABLE {self.kind.table} ({listed}, PRIMARY KEY ({unique}))")
                 self._base.execute(f"PRAGMA application_id = {OURS}")
                 self._base.execute(f"PRAGMA user_version = {self.kind.format}")
             self._base.execute("COMMIT")
@@ -71,17 +71,17 @@ class Store:
         self._base.close()
 
     def add(self, row: Row) -> None:
-        """Write a row; it replaces one with the same key."""
+        """Write a row; it replaces one with the same key and labels."""
         given = row.values
         values, places = [given.get(column) for column in self._columns], ", ".join("?" * len(self._columns))
         self._check_present()
         with self._lock, _explained(self.path):
             self._base.execute(f"INSERT OR REPLACE INTO {self.kind.table} VALUES ({places})", values)
 
-    def statuses(self) -> dict[str, str]:
-        """Key -> status of every row."""
+    def statuses(self) -> dict[tuple[str, ...], str]:
+        """Key and labels -> status of every row."""
         self._check_present()
-        return {row["key"]: row["status"] for row in self._rows()}
+        return {self.kind.row(row): row["status"] for row in self._rows()}
 
     def rows(self) -> dict[str, dict[str, Any]]:
         """Key -> column -> value, of the rows that did not end in an error."""
@@ -117,6 +117,10 @@ def rows(path: str | Path, kind: Kind) -> list[dict[str, Any]]:
             return _all(base, path, kind)
         finally:
             base.close()
+
+
+def _quoted(names: Iterable[str]) -> str:
+    return ", ".join(f'"{name}"' for name in names)
 
 
 def _all(base: sqlite3.Connection, path: Path, kind: Kind) -> list[dict[str, Any]]:

@@ -61,6 +61,11 @@ class Kind(NamedTuple):
     found: Mapping[str, Any]  # column -> type, of what they find
     run: Callable[["Task"], Found]  # a function of a module, as other processes import it
     format: int  # raised when a column changes its meaning
+    labels: tuple[str, ...] = ()  # columns of the jobs that name what is in the key, and tell rows of one key apart
+
+    def row(self, values: Mapping[str, Any]) -> tuple[str, ...]:
+        """What tells a row from all others: its key and labels."""
+        return tuple(values[column] for column in ("key", *self.labels))
 
     @property
     def columns(self) -> dict[str, Any]:
@@ -76,6 +81,11 @@ class Task(NamedTuple):
     job: Any
     shared: Any  # such as the case; a cluster gets it once
     kind: Kind
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """What tells its row from all others."""
+        return self.kind.row({"key": self.key, **self.job.given()})
 
 
 class About(NamedTuple):
@@ -131,6 +141,12 @@ def row(task: Task, found: Mapping[str, Any], status: Status, message: str | Non
     finished = datetime.now(UTC).isoformat(timespec="milliseconds")
     how = About(status, message, finished=finished, version=_version(), **about)
     return Row(task.key, task.job.given(), found, how)
+
+
+def stored(task: Task, values: Mapping[str, Any]) -> Row:
+    """The row of a task whose result a row of the same key has, by column."""
+    about = About(*(values[f.column] for f in fields(About).values()))
+    return Row(task.key, task.job.given(), {column: values[column] for column in task.kind.found}, about)
 
 
 @cache

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Any
 
 from stabctl import devices
-from stabctl._util.errors import CaseError, StudyError, shown
+from stabctl._util.errors import CaseError, StudyError, is_line, shown
 from stabctl._util.schema import fields
 from stabctl._util.validation import Invalid, checked
 from stabctl.devices.storage import joined
@@ -106,7 +106,7 @@ def _about(case: Tables) -> None:
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not (number and 1e-6 <= value <= 1e9):
             raise CaseError(f"case.toml, {name}: {shown(value)} is not allowed; it must be a number from 1e-6 to 1e9.")
-    if not (isinstance(case.name, str) and case.name.isprintable()):
+    if not is_line(case.name):
         raise CaseError(f"case.toml, name: {shown(case.name)} is not allowed; it must be one line of text.")
     for name in ("title", "source"):
         value = getattr(case, name)

@@ -50,12 +50,15 @@ def set_value(case: Case, path: str | Mapping[str, Any], value: Any = None) -> C
     values = path if isinstance(path, Mapping) else {path: value}
     parts: dict[str, Any] = {}
     devices = {model: dict(rows) for model, rows in case.devices.items()}
+    names: dict[tuple[str, int, str], str] = {}
     for where, new in values.items():
         if where in ABOUT:
             parts[where] = about(where, new)
             continue
         table, key, f = resolve(case, where)
         i = naming.row(case, table, key)
+        if (other := names.setdefault((table, i, f.name), where)) != where:
+            raise StudyError(f"{other} and {where} are the same value; give one of them.")
         if table in TABLES:
             rows = list(parts.get(table, getattr(case, table)))
             rows[i] = rows[i]._replace(**{f.name: value_at(case, where, f, new, rows[i])})

@@ -32,7 +32,7 @@ from stabctl.simulation.simulate import simulate
 from stabctl.simulation.trajectory import Trajectory
 
 JobKind = Literal["clearing-time", "simulate"]
-FORMAT = 14  # of keys and rows; raised when a job or a result changes its meaning
+FORMAT = 15  # of keys and rows; raised when a job or a result changes its meaning
 
 
 class Job(NamedTuple):
@@ -41,7 +41,9 @@ class Job(NamedTuple):
     kind: Annotated[JobKind, "-", "what is computed"]
     case: Annotated[str, "-", "packaged case, or folder relative to the study file"]
     machines: Annotated[Literal["full", "classical"], "-", "models of the case, or classical machines"] = "full"
-    motor_share: Annotated[float, "-", "share of every load that induction motors draw", SHARE] = 0.0
+    motor_share: Annotated[
+        float | None, "-", "share of every load that induction motors draw (none: as in the case)", SHARE
+    ] = None
     set: Annotated[str, "-", "changes of the case, a JSON object of paths and values"] = ""
     fault: Annotated[str, "-", "fault location: 83, 7-8@0.4"] = ""
     trip: Annotated[str, "-", "circuits opened to clear the fault: 83-33, 7-8#2"] = ""
@@ -153,8 +155,9 @@ def columns(kind: JobKind) -> dict[str, Field]:
 
 
 def changed(values: Mapping[str, Any]) -> str:
-    """Changes of a case as the text of `Job.set`."""
-    return json.dumps(dict(values), sort_keys=True) if values else ""
+    """Changes of a case as the text of `Job.set`, in which 10.0 is 10."""
+    whole = {path: int(x) if isinstance(x, float) and x.is_integer() else x for path, x in values.items()}
+    return json.dumps(whole, sort_keys=True) if values else ""
 
 
 class Result(NamedTuple):
@@ -276,4 +279,4 @@ def _number(machine: int | str | None, case: Case) -> int | None:
 
 JOB = {f.column: f.kind for f in fields(Job).values()}
 RESULT = {f.column: f.kind for f in fields(Result).values()}
-SWEEP = Kind("results", JOB, RESULT, run_job, FORMAT)
+SWEEP = Kind("results", JOB, RESULT, run_job, FORMAT, labels=("case", "set", "controller"))

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -87,11 +87,11 @@ class Results(Tabular):
 
     @property
     def df(self) -> "pd.DataFrame":
-        """Every column of every row."""
+        """Every column of every row; whole numbers stay whole where some are missing."""
         import pandas as pd
 
-        names = ("key", *self.inputs, *ANSWERS)
-        return pd.DataFrame([[_value(row, c) for c in names] for row in self.rows], columns=names)
+        values = {c: [_value(row, c) for row in self.rows] for c in ("key", *self.inputs, *ANSWERS)}
+        return pd.DataFrame({c: pd.Series(given, dtype=_dtype(c, given)) for c, given in values.items()})
 
     def __str__(self) -> str:
         earlier = sum(row.get(DATA) == "earlier" for row in self.rows)
@@ -129,9 +129,9 @@ def read(path: str | Path) -> Results:
     return of(rows(path))
 
 
-def rows(path: str | Path) -> list[dict[str, Any]]:
-    """Every row of a results file, column -> value, `set` as a mapping of the changes."""
-    found = store.rows(path, SWEEP)
+def rows(path: str | Path, own: Container[tuple[str, ...]] | None = None) -> list[dict[str, Any]]:
+    """The rows of a results file, all or its `own`: column -> value, `set` as a mapping of the changes."""
+    found = [row for row in store.rows(path, SWEEP) if own is None or SWEEP.row(row) in own]
     try:
         changes = [json.loads(row["set"] or "{}") for row in found]
     except ValueError:
@@ -145,18 +145,20 @@ def cell(column: str, value: object) -> str:
     """A value of a results file in a table."""
     if column == "monotone" and value is not None:
         return "yes" if value else "no"
-    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value).replace("_", " ")
+    if column == "outcome" and value is not None:
+        return str(value).replace("_", " ")
+    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def of(rows: Iterable[dict[str, Any]]) -> Results:
     """The rows sorted by their jobs, numbers in text by their size: 5%mva before 10%mva; then by time of completion."""
     ordered = sorted(rows, key=lambda row: ([_natural(row[c]) for c in JOB], row["finished"] or ""))
-    same: dict[str, list[str]] = {}
-    for row in ordered:
-        same.setdefault(_inputs(row), []).append(row["key"])
-    told = {key: "earlier" for keys in same.values() for key in keys[:-1]}
-    told |= {keys[-1]: "latest" for keys in same.values() if len(keys) > 1}
-    return Results(tuple(row | ({DATA: told[row["key"]]} if row["key"] in told else {}) for row in ordered))
+    same: dict[str, list[int]] = {}
+    for k, row in enumerate(ordered):
+        same.setdefault(_inputs(row), []).append(k)
+    told = {k: "earlier" for places in same.values() for k in places[:-1]}
+    told |= {places[-1]: "latest" for places in same.values() if len(places) > 1}
+    return Results(tuple(row | ({DATA: told[k]} if k in told else {}) for k, row in enumerate(ordered)))
 
 
 def _inputs(row: dict[str, Any]) -> str:
@@ -169,6 +171,14 @@ def _changes(row: dict[str, Any]) -> dict[str, Any]:
 
 def _value(row: dict[str, Any], column: str) -> Any:
     return row[column] if column in row else _changes(row).get(column)
+
+
+def _dtype(column: str, values: Iterable[Any]) -> str | None:
+    """The type of a column for pandas, of a change of the case by its values; None for text and what is mixed."""
+    if column == "monotone":
+        return "boolean"
+    kinds = {SWEEP.columns[column]} if column in SWEEP.columns else {type(v) for v in values if v is not None}
+    return {int: "Int64", float: "float64"}.get(kinds.pop()) if len(kinds) == 1 else None
 
 
 def _natural(value: object) -> list[tuple[int, Any]]:

@@ -8,17 +8,18 @@ adds to those above it, for values that belong together; the study is the union 
 
 import math
 from collections.abc import Callable, Iterator
+from fractions import Fraction
 from functools import cache
 from itertools import product
 from pathlib import Path
 from types import GenericAlias
 from typing import Annotated, Any, Literal, NoReturn, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 from pydantic_core import PydanticCustomError
 
 from stabctl._util import schema, toml_file, units
-from stabctl._util.errors import StudyError
+from stabctl._util.errors import StudyError, is_line, shown
 
 from .job import Job, JobKind, changed, columns
 
@@ -27,6 +28,15 @@ NEEDED: dict[JobKind, tuple[str, ...]] = {"clearing-time": ("case", "fault"), "s
 STRICT = ConfigDict(extra="forbid", strict=True)
 OF_CASE = {"s": "cyc", "pu": "Hz"}  # unit of a key -> one that the frequency of the case converts to it
 SHOWN = "a grid has from, to, and either count (at least 2) or step, and text for keys that are text"
+
+
+def _line(text: str) -> str:
+    if not is_line(text):
+        raise _wrong(f"{shown(text)} must be one line of text without control characters")
+    return text
+
+
+Line = Annotated[str, AfterValidator(_line)]
 
 
 def read(path: str | Path) -> tuple[Job, ...]:
@@ -39,9 +49,10 @@ def read(path: str | Path) -> tuple[Job, ...]:
     jobs: dict[Job, None] = {}
     for number, group in enumerate(groups, 1):
         where = f"{path}, job {number}" if len(groups) > 1 else f"{path}"
+        tables = [_flat(where, one["set"]) for one in (content, group) if isinstance(one.get("set"), dict)]
         both = content | group
-        if isinstance(content.get("set"), dict) and isinstance(group.get("set"), dict):
-            both["set"] = content["set"] | group["set"]
+        if isinstance(both.get("set"), dict):
+            both["set"] = {path: value for table in tables for path, value in table.items()}
         jobs.update(dict.fromkeys(_jobs(where, both)))
         if len(jobs) > MOST:
             _too_many(where)
@@ -89,7 +100,7 @@ def _type(f: schema.Field) -> Any:
     if f.choices:
         return Literal[f.choices]
     if f.kind is str:
-        return Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]*$")]
+        return Line
     limits: Any = {**f.limits, **({"allow_inf_nan": False} if f.kind is float else {})}
     return Annotated[f.kind, Field(**limits)]
 
@@ -123,18 +134,27 @@ def _converted(f: schema.Field, value: object) -> object:
     return value
 
 
+def _flat(where: str, table: dict[str, Any]) -> dict[str, Any]:
+    """Path -> what it is set to, from quoted paths or from nested tables."""
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        nested = isinstance(value, dict) and not is_grid(value)
+        paths = {f"{key}.{path}": one for path, one in _flat(where, value).items()} if nested else {key: value}
+        if twice := next((path for path in paths if path in found), None):
+            raise StudyError(f"{where}, set: {twice} is there twice; give it once.")
+        found |= paths
+    return found
+
+
 def _changes(given: object) -> dict[str, list[Any]]:
-    """Path -> alternatives, from quoted paths or from nested tables."""
+    """Path -> alternatives."""
     if not isinstance(given, dict):
-        raise PydanticCustomError("custom", 'write it as set."pss.1.K" = [5, 10, 20]')
-    found: dict[str, list[Any]] = {}
-    for key, value in given.items():
-        if isinstance(value, dict) and not is_grid(value):
-            found |= {f"{key}.{path}": values for path, values in _changes(value).items()}
-        else:
-            found[key] = expanded(value)
-            if not found[key]:
-                raise PydanticCustomError("custom", f"set.{key} = []: it must have at least one value")
+        raise _wrong('write it as set."pss.1.K" = [5, 10, 20]')
+    found = {path: expanded(value) for path, value in given.items()}
+    if empty := next((path for path, values in found.items() if not values), None):
+        raise _wrong(f"set.{empty} = []: it must have at least one value")
+    for text in (one for path, values in found.items() for one in (path, *values) if isinstance(one, str)):
+        _line(text)
     return found
 
 
@@ -173,18 +193,21 @@ def _numbers(table: dict[str, Any], text: bool) -> list[Any]:
         raise _wrong(SHOWN)
     if grid.text is not None and not (text and grid.text.count("{}") == 1):
         raise _wrong("text must contain {} once, and belongs to a key whose values are text")
-    low, high = grid.start, grid.to
+    low, high = Fraction(repr(grid.start)), Fraction(repr(grid.to))  # decimals as they are written
     if grid.step is not None:
-        if not (high - low) * grid.step > 0:
-            raise _wrong(f"the step must lead from {low:g} to {high:g}")
-        step, intervals = grid.step, (high - low) / grid.step + 1e-9
+        step = Fraction(repr(grid.step))
+        if not (high - low) * step > 0:
+            raise _wrong(f"the step must lead from {grid.start:g} to {grid.to:g}")
+        intervals = (high - low) // step
     else:
         intervals = (grid.count or 2) - 1
         step = (high - low) / intervals
     if intervals >= MOST:
         raise _wrong(f"the grid has more than {MOST} values")
-    points = [float(f"{low + k * step:.12g}") + 0.0 for k in range(int(intervals) + 1)]
-    return points if grid.text is None else [grid.text.replace("{}", f"{x:.12g}") for x in points]
+    exact = [low + k * step for k in range(intervals + 1)]
+    if grid.text is None:
+        return [int(x) if x.denominator == 1 else float(x) for x in exact]
+    return [grid.text.replace("{}", f"{x}" if x.denominator == 1 else f"{float(x):.15g}") for x in exact]
 
 
 class Grid(BaseModel):

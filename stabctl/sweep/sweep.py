@@ -5,7 +5,7 @@ A task is a job of the study with its case, its controllers and the key of its r
 
 import shlex
 import time
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cache
@@ -27,7 +27,7 @@ from stabctl.io import control_files
 from stabctl.jobs import Row, Task
 from stabctl.jobs.cluster import Cluster
 from stabctl.jobs.store import Store
-from stabctl.jobs.task import fingerprint, sha256, text
+from stabctl.jobs.task import fingerprint, sha256, stored, text
 from stabctl.model import unusual
 from stabctl.model.case import Case
 from stabctl.simulation.contingency import Contingency
@@ -47,7 +47,7 @@ class Sweep:
     """Summary of a sweep; the results are in its file."""
 
     path: Path
-    keys: frozenset[str]  # of its rows there
+    own: frozenset[tuple[str, ...]]  # what tells its rows there from others: key and labels
     jobs: int  # of the study
     before: int  # that were in the file already
     done: int  # by this sweep
@@ -59,7 +59,7 @@ class Sweep:
     @property
     def results(self) -> results.Results:
         """The rows of its jobs; the file may have others."""
-        return results.of(row for row in results.rows(self.path) if row["key"] in self.keys)
+        return results.of(results.rows(self.path, self.own))
 
     @property
     def df(self) -> "pd.DataFrame":
@@ -134,12 +134,12 @@ def run_sweep(
     wanted = tasks(jobs, study)
     with Store(out, SWEEP) as store:
         before = store.statuses()
-        missing = [t for t in wanted if t.key not in before or (retry and before[t.key] != "ok")]
+        missing = [t for t in wanted if t.row not in before or (retry and before[t.row] != "ok")]
         there, ended, interrupted = len(wanted) - len(missing), 0, False
         try:
             if progress:
                 progress(there, len(wanted))
-            with closing(_rows(missing, workers, scheduler)) as rows:
+            with closing(_rows(store.rows(), missing, workers, scheduler)) as rows:
                 for ended, row in enumerate(rows, 1):
                     store.add(row)
                     if progress:
@@ -147,10 +147,10 @@ def run_sweep(
         except KeyboardInterrupt:
             interrupted = True
         after = store.statuses()
-    found = [after[t.key] for t in wanted if t.key in after]
+    found = [after[t.row] for t in wanted if t.row in after]
     return Sweep(
         Path(out),
-        frozenset(t.key for t in wanted),
+        frozenset(t.row for t in wanted),
         len(wanted),
         there,
         ended,
@@ -161,7 +161,22 @@ def run_sweep(
     )
 
 
-def _rows(missing: list[Task], workers: int, scheduler: str | None) -> Generator[Row, None, None]:
+def _rows(
+    known: Mapping[str, Mapping[str, Any]], missing: list[Task], workers: int, scheduler: str | None
+) -> Generator[Row, None, None]:
+    """The rows of the tasks. Those of one key have one result, which the file may know from other labels."""
+    same: dict[str, list[Task]] = {}
+    for t in missing:
+        if t.key in known:
+            yield stored(t, known[t.key])
+        else:
+            same.setdefault(t.key, []).append(t)
+    with closing(_run([first for first, *_ in same.values()], workers, scheduler)) as rows:
+        for row in rows:
+            yield from (row._replace(given=t.job.given()) for t in same[row.key])
+
+
+def _run(missing: list[Task], workers: int, scheduler: str | None) -> Generator[Row, None, None]:
     if not missing:
         return
     if scheduler is None:
@@ -206,8 +221,8 @@ def tasks(jobs: Iterable[Job], path: str | Path) -> tuple[Task, ...]:
     checked: set[tuple[str, ...]] = set()
 
     @cache
-    def changed(name: str, machines: str, share: float, changes: str) -> tuple[Case, str]:
-        given = load(name).with_motors(share) if share else load(name)
+    def changed(name: str, machines: str, share: float | None, changes: str) -> tuple[Case, str]:
+        given = load(name) if share is None else load(name).with_motors(share)
         job = Job("simulate", name, set=changes)
         case = _changed(path, given, job)
         if machines == "classical":
@@ -219,7 +234,7 @@ def tasks(jobs: Iterable[Job], path: str | Path) -> tuple[Task, ...]:
             case = case.classical()
         return case, fingerprint(case)
 
-    found: dict[str, Task] = {}
+    found: dict[tuple[str, ...], Task] = {}
     _idle(path, jobs := tuple(jobs), load, controllers)
     for job in jobs:
         case, content = changed(job.case, job.machines, job.motor_share, job.set)
@@ -227,8 +242,8 @@ def tasks(jobs: Iterable[Job], path: str | Path) -> tuple[Task, ...]:
         _check(path, job, case, checked)
         _possible(path, job, case, own)
         _signals(path, job, case, own)
-        key = key_of(job, content, own)
-        found.setdefault(key, Task(key, job, Shared(case, own), SWEEP))
+        task = Task(key_of(job, content, own), job, Shared(case, own), SWEEP)
+        found.setdefault(task.row, task)
     return tuple(found.values())
 
 

@@ -366,6 +366,7 @@ def test_the_storage_of_a_tripped_machine_is_still_read(cases):
         (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1").sampled(60.0), "give a whole number from 1 to"),
         (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1", delay="7ms").sampled(60), "not a whole number of"),
         (lambda: st.Gate("voltage:7"), "always open; give low or high"),
+        (lambda: st.Controller("speed:1", "vs:1", [], [], [], [[1]], name="a\vb"), "name = .* give one line of text"),
         (lambda: st.Controller.from_function(with_state, "speed:1", "vs:1"), r"with states, give start=\[0.0\]"),
         (lambda: st.Controller.from_function(lambda seen: 0, "speed:1", "vs:1", start=[0.0]), "takes no states"),
         (lambda: st.Controller("speed:1", "vs:1", [], [], [], [[1]], start=(1.0,)), "states of a Python function"),

@@ -287,6 +287,7 @@ def test_a_mistake_in_a_block_is_a_sentence(read, statement, words):
         (block("DISCONNECT BUS 8")[:-8], None, "line 1, .*it has no END"),
         (block("DISCONNECT BUS 8") + "DISCONNECT BUS 7\n", None, "line 5, .*nothing may follow the END"),
         (block("DISCONNECT BUS 8")[:-4] * 2, None, "line 4, .*line 1 has a contingency of this name, too"),
+        (block("DISCONNECT BUS 8").replace("A", "'a\vb'", 1), None, "line 1, .*one line of text without control"),
         ("COM nothing yet", None, "has no contingencies; write CONTINGENCY"),
         ("SKIP\n7 TO 8\n", None, "line 1, .*it has no END"),
         ("SINGLE LINE IN SUBSYSTEM WEST\nEND", None, "the subsystems are missing"),

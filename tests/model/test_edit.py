@@ -114,6 +114,17 @@ def test_several_values_change_at_once(case):
     assert (par.Vmin, par.Vmax) == (0.3, 0.4)
 
 
+def test_two_names_of_one_value_are_refused(case):
+    """Columns by name and header, rows by other names of them."""
+    for one, other in (
+        ("loads.7.p", "loads.7.p_mw"),
+        ("branches.7-8#2.x", "branches.8-7#2.x"),
+        ("pss.1.K", "pss. 1.K"),
+    ):
+        with pytest.raises(StudyError, match=f"{one} and {other} are the same value; give one of them"):
+            case.set({one: 0.3, other: 0.4})
+
+
 @pytest.mark.parametrize(
     ("path", "value", "says"),
     [

@@ -44,6 +44,13 @@ def test_a_label_is_the_name_or_the_fault_and_what_opens(one, label):
     assert one.label == label
 
 
+@pytest.mark.parametrize("name", ["a\vb", "a\nb", "\x1b[1m", 7])
+def test_a_name_is_one_line_of_text(name):
+    """It reaches terminals and workbooks."""
+    with pytest.raises(StudyError, match=r"name = .* is not allowed; give one line of text"):
+        Contingency("7", 0.1, name=name)
+
+
 def test_cycles_are_those_of_the_case(two_area):
     from dataclasses import replace
 

@@ -10,7 +10,7 @@ import stabctl as st
 from stabctl.jobs import task as jobs
 from stabctl.jobs.store import Store
 from stabctl.sweep import study_file
-from stabctl.sweep.job import SWEEP
+from stabctl.sweep.job import SWEEP, Job
 from stabctl.sweep.results import rows
 from stabctl.sweep.sweep import run_sweep, tasks
 
@@ -144,13 +144,75 @@ def test_rows_of_earlier_data_are_told_apart(stabctl, write, tmp_path):
     loads.write_text(text.replace("967", "990"))
     second = run_sweep(study, out, workers=1)
     assert (second.jobs, second.before) == (3, 0)
-    assert {*second.df["key"]} == second.keys != first.keys
+    assert second.own.isdisjoint(first.own)
+    assert {*second.df["key"]} == {key for key, *_ in second.own}
     assert "data" not in second.df
     loads.write_text(text)
     assert (again := run_sweep(study, out, workers=1)).before == 3
     assert again.df.equals(first.df)
     data = {row["key"]: row["data"] for row in st.read_sweep(out).rows}
-    assert data == dict.fromkeys(first.keys, "earlier") | dict.fromkeys(second.keys, "latest")
+    assert data == dict.fromkeys(first.df["key"], "earlier") | dict.fromkeys(second.df["key"], "latest")
     shown = stabctl("sweep", "show", out)[1]
     assert "6 ok, 0 with an error; 3 computed earlier, from other data or by another version" in shown
     assert shown.count("\tearlier\t") == shown.count("\tlatest\t") == 3
+
+
+def test_every_job_has_a_row_with_its_own_labels(write, tmp_path):
+    """Also where the data are those of an earlier row: the result is computed once."""
+    head, out = PAIR + "until_s = 1.2\n", tmp_path / "results.db"
+    base = run_sweep(write(head), out, workers=1)
+    loads = 'set."loads.7.p" = [900, 967, 1000]\n'  # of the case: 967
+    more = run_sweep(write(head + loads), out, workers=1)
+    assert list(more.df["loads.7.p"]) == [900, 967, 1000]
+    assert more.before == 0
+    assert more.df["finished"][1] == base.df["finished"][0]
+    both = st.read_sweep(out).df
+    assert list(both["loads.7.p"].fillna(0)) == [0, 900, 967, 1000]
+    assert "data" not in both
+    for name in "one", "other":
+        st.write(st.load("two_area").set("name", "mine"), tmp_path / name)
+    cases = write(head.replace('"two_area"', '["one", "other"]'))
+    pair = run_sweep(cases, out, workers=1)
+    assert (pair.jobs, pair.done, list(pair.df["case"])) == (2, 2, ["one", "other"])
+    assert pair.df["finished"].nunique() == 1
+    assert run_sweep(cases, out, workers=1).before == 2
+
+
+def test_other_changes_with_equal_values_have_their_own_columns(write, tmp_path):
+    head, out = PAIR.replace('machines = "classical"\n', "") + "until_s = 1.2\n", tmp_path / "results.db"
+    gain, given = 'set."pss.2.K" = {}\n', st.load("two_area").devices["pss"][2].K
+    run_sweep(write(head + gain.format([given, given / 2])), out, workers=1)
+    second = run_sweep(write(head + 'set."sexs.4.KA" = [100, 200]\n'), out, workers=1)
+    assert list(second.df["sexs.4.KA"]) == [100, 200]
+    assert "pss.2.K" not in second.df
+
+
+def test_whole_numbers_and_answers_of_yes_and_no_stay_what_they_are(stabctl, tmp_path):
+    """Also where some rows, or rows of another kind of job, have none."""
+    out, table = tmp_path / "results.db", tmp_path / "all.csv"
+    times = Job("clearing-time", "two_area", fault="7"), {"monotone": 1, "runs": 37, "machine": 4, "cycles": 9.0}
+    run = Job("simulate", "two_area", set='{"pss.2.K": 10}', fault="7", clear="6cyc"), {"time_s": 2.0}
+    with Store(out, SWEEP) as kept:
+        for key, (job, found) in zip("ab", (times, run), strict=True):
+            kept.add(jobs.Row(key, job.given(), found, jobs.About("ok")))
+    assert stabctl("sweep", "show", out, "--csv", table)[0] == 0
+    with table.open() as file:
+        first, second = csv.DictReader(file)
+    names = "monotone", "runs", "machine", "pss.2.K", "cycles", "time_s"
+    assert [first[name] for name in names] == ["True", "37", "4", "", "9.0", ""]
+    assert [second[name] for name in names] == ["", "", "", "10", "", "2.0"]
+
+
+def test_names_are_shown_as_they_are_and_no_error_is_left_out(stabctl, tmp_path):
+    out = tmp_path / "results.db"
+    with Store(out, SWEEP) as kept:
+        for k in range(30):
+            about = jobs.About("error", f"mishap {k:02}")
+            kept.add(jobs.Row(str(k), Job("simulate", f"my_case_{k:02}", fault="7").given(), {}, about))
+    printed = stabctl("sweep", "show", out)[1]
+    page = st.read_sweep(out).report(tmp_path).read_text()
+    for k in range(30):
+        assert printed.count(f"my_case_{k:02}") == 2
+        assert f"my_case_{k:02}" in page
+        assert f"mishap {k:02}" in page
+        assert f"my case {k:02}" not in page + printed

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from decimal import Decimal
 from pathlib import Path
 
 import pytest
@@ -154,6 +155,10 @@ def test_groups_belong_together_and_lie_over_what_stands_above(write):
         (HEAD + "set = 3", 'write it as set."pss.1.K"'),
         (HEAD + 'set."pss.1.K" = []', "set.pss.1.K = []: it must have at least one value"),
         (HEAD + 'set."pss.1.K" = [[1]]', "set.pss.1.K = [1]: it must be a number or text"),
+        (HEAD + 'set."loads.7.p" = 9\nset."loads.7.p_mw" = 8', "loads.7.p and loads.7.p_mw are the same value"),
+        (HEAD + 'set."loads.7.p" = 900\nset."loads.7".p = 967', "set: loads.7.p is there twice; give it once"),
+        (HEAD + 'set."name" = "a\\u000bb"', "must be one line of text without control characters"),
+        (HEAD.replace("two_area", "a\\u000bb"), "must be one line of text without control characters"),
         (HEAD + 'set."pss.1.K" = "soon"', "set.pss.1.K = 'soon'"),
         (HEAD + 'set."pss.1.Kp" = 1', "pss has no column 'Kp'"),
         (HEAD + 'set."pss.9.K" = 1', "set.pss.9.K = 1"),
@@ -276,10 +281,48 @@ def test_any_parameter_of_the_case_may_vary(write):
     assert found[0].job.changes == {"machines.2.p": "650MW", "pss.1.K": 5}
 
 
-def test_how_a_change_is_written_does_not_matter(write):
-    path = write(HEAD + 'set."machines.2.p" = ["650MW", 650, "0.65GW"]')
-    (task,) = tasks(study_file.read(path), path)
-    assert task.shared.case.machine(2).p == 650.0
+def test_how_a_change_is_written_is_a_label_and_not_in_the_key(write):
+    path = write(HEAD + 'set."machines.2.p" = ["650MW", 650, 650.0, "0.65GW"]')
+    found = tasks(study_file.read(path), path)
+    assert [t.job.changes["machines.2.p"] for t in found] == ["650MW", 650, "0.65GW"]
+    assert {t.shared.case.machine(2).p for t in found} == {650.0}
+    assert len({t.key for t in found}) == 1
+
+
+def test_changes_of_the_study_and_of_a_group_act_together_however_they_are_written(write):
+    """As nested tables, as quoted paths, and in any mixture; a group replaces what stands above."""
+    for above in ("set.loads.7.p", 'set."loads.7.p"', 'set.loads."7.p"'):
+        for below in ("set.loads.9.p", 'set."loads.9.p"', 'set."loads.9".p'):
+            (job,) = study_file.read(write(f"{HEAD}{above} = 1000\n[[job]]\n{below} = 1700\n"))
+            assert job.changes == {"loads.7.p": 1000, "loads.9.p": 1700}
+        (job,) = study_file.read(write(f'{HEAD}{above} = 1000\n[[job]]\nset."loads.7".p = 900\n'))
+        assert job.changes == {"loads.7.p": 900}
+
+
+def test_the_share_of_motors_is_that_of_the_case_unless_it_is_given(write, cases, tmp_path):
+    io.write(cases("two_area").with_motors(0.3), tmp_path / "mine")
+    path = write(HEAD.replace("two_area", "mine") + "[[job]]\n[[job]]\nmotor_share = [0, 0.3]\n")
+    shares = [{load.model_share for load in t.shared.case.loads} for t in tasks(study_file.read(path), path)]
+    assert shares == [{0.3}, {0.0}, {0.3}]
+
+
+@pytest.mark.parametrize("first", [1, 10**12 + 1, 2**53 - 4])
+def test_whole_numbers_of_a_grid_are_exact(write, first):
+    for grid in (f"from = {first}, to = {first + 4}, step = 1", f"from = {first}, to = {first + 4}, count = 5"):
+        assert [job.seed for job in study_file.read(write(f"{HEAD}seed = {{ {grid} }}"))] == [*range(first, first + 5)]
+        path = write(f"{HEAD}case = {{ {grid}, text = 'case_{{}}' }}".replace('case = "two_area"\n', ""))
+        assert [job.case for job in study_file.read(path)] == [f"case_{first + k}" for k in range(5)]
+
+
+@pytest.mark.parametrize("step", ["0.1", "0.7", "1e-9", "0.0000000000125"])
+def test_numbers_of_a_grid_are_the_decimals_that_one_would_write(write, step):
+    wanted = [float(Decimal("1000000.1") + k * Decimal(step)) for k in range(1001)]
+    last = Decimal("1000000.1") + 1000 * Decimal(step)
+    for rest in (f"step = {step}", "count = 1001"):
+        if step == "0.0000000000125":  # below what floats tell apart
+            wanted = [*dict.fromkeys(wanted)]
+        jobs = study_file.read(write(f"{HEAD}lag_s = {{ from = 1000000.1, to = {last}, {rest} }}"))
+        assert [job.lag for job in jobs] == wanted
 
 
 def test_changes_come_before_classical_machines(write):

@@ -8,7 +8,7 @@ of a load or shunt. When the fault is cleared, everything that the statement nam
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-from stabctl._util.errors import StudyError
+from stabctl._util.errors import StudyError, is_line
 from stabctl._util.wording import listed
 from stabctl.devices.loads import zip_load
 from stabctl.model import naming
@@ -63,6 +63,8 @@ def read_con(path: str | Path, case: Case, subsystems: Subsystems | None = None)
             if len(statement.words) != 2:
                 raise statement.error("it must be CONTINGENCY and a name, in quotes if the name has blanks.")
             name = statement.words[1].text.strip()
+            if not is_line(name):
+                raise statement.error("the name must be one line of text without control characters.")
             if name in named:
                 raise statement.error(f"line {named[name]} has a contingency of this name, too; give it another one.")
             named[name] = statement.line

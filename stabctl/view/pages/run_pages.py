@@ -18,7 +18,7 @@ from stabctl.sweep.results import Results
 
 from ..figures import estimates as estimated
 from ..figures import storage_control, trajectory
-from .pattern import Page, Part, Section, Text, about, figure, table
+from .pattern import Page, Part, Section, about, figure, table
 
 LOWEST = 20  # voltages in a table
 MACHINES = "machine", "largest change of angle (deg)", "lowest (Hz)", "highest (Hz)", "disconnected (s)"
@@ -188,6 +188,7 @@ def sweep(found: Results) -> Page:
     names = sorted({str(row["case"]) for row in found.rows})
     rows = [tuple(map(results.cell, found.columns, cells)) for cells in found.cells]
     common = ", ".join(f"{column} {value}" for column, value in found.common.items())
+    heads = [c.replace("_", " ") if c in results.SWEEP.columns else c for c in found.columns]
     failed = len(found.errors)
     return Page(
         f"{names[0] if len(names) == 1 else 'cases'}_sweep",
@@ -195,7 +196,7 @@ def sweep(found: Results) -> Page:
         [f"In every run: {common}."] if common else [],
         [(str(len(rows) - failed), "runs"), *([(str(failed), "ended in an error")] if failed else [])],
         [
-            Section("Results", [table([c.replace("_", " ") for c in found.columns], rows)]),
-            Section("Errors", [Text(f"{what}: {sentence}") for what, sentence in found.errors[:LOWEST]]),
+            Section("Results", [table(heads, rows)]),
+            Section("Errors", [table(("job", "message"), found.errors)] if failed else []),
         ],
     )
