@@ -20,7 +20,7 @@ SMALL = {  # shorter files, each a thing of its own; devices are, too
     "a block of the compiled loop": {
         "dynamics.adder", "dynamics.drawn", "simulation.gate", "simulation.line",
     },
-    "what others inherit or read": {"_util.errors", "_util.verbs", "controllers.signals"},
+    "what others inherit or read": {"_util.verbs", "controllers.signals"},
     "imported before anything that takes long": {"_util.process", "view.figures.palette"},
     "run by name": {"simulation.prepare", "sweep._warm"},
     "a command": {"cli.live"},
