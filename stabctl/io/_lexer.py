@@ -25,6 +25,7 @@ def _pattern(quoted: str, end: str, word: str) -> re.Pattern[str]:
 _FREE = _pattern(r"[^Q]*(?:(?<![\s,])Q[^Q/]*)*?", r"[\s,/]|$", r"""[^\s,/'"](?:[^\s,/]*[^\s,/'"])?(?=[\s,/]|$)""")
 # with an apostrophe before a blank, '26' Drop ', a quoted field has no comma or slash in it, and one must follow
 _APOSTROPHES = _pattern(r"[^Q]*|[^Q,/]*(?:Q[^Q,/]*)*?", r"\s*[,/]|\s*$", r"""[^\s,/'"][^\s,/]*""")
+_WINDOWS = {b: bytes([b]).decode("cp1252", "ignore") or chr(b) for b in range(0x80, 0xA0)}  # others as in Latin-1
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?", re.ASCII)
 
 
@@ -60,10 +61,21 @@ class Line(NamedTuple):
 
 
 def lines(path: Path) -> list[str]:
-    """The lines of a file in UTF-8, or UTF-16 if it says so; other bytes become a replacement character.
+    """The lines of a file in UTF-8, in UTF-16 if it says so, or else in Windows-1252. Raises `CaseError`."""
+    text, _ = _decoded(path)
+    if not text.strip():
+        raise CaseError(f"{path}: the file is empty.")
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
-    Raises `CaseError`.
-    """
+
+def not_utf8(*paths: str | Path | None) -> list[str]:
+    """A sentence for every file that is read as Windows-1252. Raises `CaseError`."""
+    read = [path for path in paths if path is not None and not _decoded(Path(path))[1]]
+    return [f"{path}: it is read as Windows-1252, because it is not UTF-8." for path in read]
+
+
+def _decoded(path: Path) -> tuple[str, bool]:
+    """The text of a file, and whether it is Unicode."""
     try:
         if not path.is_file():
             raise CaseError(f"{path}: {'it is no file' if path.exists() else 'there is no such file'}.")
@@ -72,10 +84,12 @@ def lines(path: Path) -> list[str]:
         data = path.read_bytes()
     except (OSError, ValueError) as error:
         raise CaseError(f"{path}: it cannot be read ({getattr(error, 'strerror', None) or error}).") from None
-    text = data.decode("utf-16" if data[:2] in (BOM_UTF16_LE, BOM_UTF16_BE) else "utf-8-sig", errors="replace")
-    if not text.strip():
-        raise CaseError(f"{path}: the file is empty.")
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    if data[:2] in (BOM_UTF16_LE, BOM_UTF16_BE):
+        return data.decode("utf-16", errors="replace"), True
+    try:
+        return data.decode("utf-8-sig"), True
+    except UnicodeDecodeError:
+        return data.decode("latin-1").translate(_WINDOWS), False
 
 
 def split(text: str, place: Place, start: int = 0, filled: bool = False) -> Line:

@@ -254,3 +254,11 @@ def test_without_dynamic_data_there_is_a_power_flow(tmp_path):
     assert case.power_flow().iterations > 0
     with pytest.raises(StudyError, match="no dynamic models"):
         case.initialize()
+
+
+def test_a_file_in_the_code_page_of_windows_keeps_its_names(tmp_path):
+    path = small(tmp_path, "West % 1", "Süd")
+    path.write_bytes(path.read_text("utf-8").encode("cp1252"))
+    case = st.load(path)
+    assert case.buses[0].name == "Süd"
+    assert case.notes[0] == f"{path}: it is read as Windows-1252, because it is not UTF-8."

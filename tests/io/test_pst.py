@@ -368,3 +368,12 @@ def test_saturation_of_a_machine_without_subtransient_circuits_is_left_out_and_s
     assert any(
         re.search(r"line 8.*: machine 1: it has no subtransient circuits; its saturation", n) for n in case.notes
     )
+
+
+def test_a_file_in_the_code_page_of_windows_is_told(written):
+    path = written(SMALL)
+    plain = st.load(path)
+    path.write_bytes(SMALL.replace("a machine", "eine Maschine für alle").encode("cp1252"))
+    told = f"{path}: it is read as Windows-1252, because it is not UTF-8."
+    assert st.load(path).notes == (told, *plain.notes)
+    assert tables(st.load(path)) == tables(plain)

@@ -1,6 +1,7 @@
 """PSS/E files: what they say of the network is what the case has, in every version, with their names."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -90,6 +91,25 @@ def test_files_in_the_encodings_of_windows_are_read(tmp_path, encoding):
         ("\ufeff" * encoding.endswith("mark") + THREE.read_text()).encode(encoding.partition(" ")[0])
     )
     assert psse.read_psse(tmp_path / "ThreeBusMulti.raw") == psse.read_psse(THREE)
+
+
+def test_files_in_the_code_page_of_windows_are_those_in_utf8(tmp_path):
+    """The same case, folder and names, and one correction line for each file; undefined bytes do no harm."""
+    text = THREE.read_text().replace("'BUS 3'", "'Köln – Süd'").replace("'BUS 2'", "'ÉVORA'")
+    cases = []
+    for encoding in ("utf-8", "cp1252"):
+        (tmp_path / "x.raw").write_bytes(text.encode(encoding))
+        (tmp_path / "x.con").write_bytes("CONTINGENCY 'Weiß'\nOPEN BUS 'KÖLN – SÜD'\nEND\nEND\n".encode(encoding))
+        cases.append(st.load(tmp_path / "x.raw"))
+        assert [c.name for c in st.read_contingencies(tmp_path / "x.con", cases[-1])] == ["Weiß"]
+    told = f"{tmp_path / 'x.raw'}: it is read as Windows-1252, because it is not UTF-8."
+    assert cases[1].notes == (told, *cases[0].notes)
+    assert replace(cases[1], notes=cases[0].notes) == cases[0]
+    assert naming.bus_number(cases[1], "köln – süd") == 103
+    st.write(cases[1], tmp_path / "folder")
+    assert st.load(tmp_path / "folder").buses == cases[0].buses
+    (tmp_path / "x.raw").write_bytes(text.encode("cp1252").replace("É".encode("cp1252"), b"\x81"))
+    assert st.load(tmp_path / "x.raw").buses[1].name == "?VORA"
 
 
 @pytest.mark.parametrize("text", ["", "\n \n"])

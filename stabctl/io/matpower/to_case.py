@@ -13,7 +13,7 @@ from stabctl.model.case import Case
 from stabctl.model.tables import Branch, Bus, Load, Machine
 from stabctl.model.typical import POWER_FACTOR, Kind, Known, with_typical_machines
 
-from .._lexer import Place
+from .._lexer import Place, not_utf8
 from .._table_builder import ISOLATED, KINDS, POWER_LOW, TableBuilder
 from ..psse.dyr import Unsupported
 from . import mpc
@@ -95,7 +95,7 @@ def read(path: str | Path, *, frequency: float | str = FREQUENCY) -> Import:
         raise CaseError(f"{path}: no generator in service is connected to a reference bus; a case needs one.")
     costs = [name for name in file.unread if name in COSTS]
     said = [f"{path}: not represented: {', '.join(costs)}."] if costs else []
-    corrections = (*net.corrections, *_isolated(file), *apart, *said)
+    corrections = (*not_utf8(path), *net.corrections, *_isolated(file), *apart, *said)
     others = {name: place for name, place in file.unread.items() if name not in COSTS}
     unsupported = tuple(Unsupported(f"mpc.{name}", place, "it is not modeled") for name, place in others.items())
     case = net.case(

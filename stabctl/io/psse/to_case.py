@@ -16,6 +16,7 @@ from stabctl.model import naming, tables
 from stabctl.model.case import Case
 from stabctl.model.tables import Load, Machine
 
+from .._lexer import not_utf8
 from .._table_builder import AT_LIMIT, ISOLATED, without_owner
 from . import dyr, network, raw
 from .dyr import Dynamics, LoadScopes, Unsupported
@@ -131,7 +132,8 @@ def read(
     dynamics = dyr.device_rows(records, sources, LoadScopes(net.rows["loads"], file), known)
     unsupported = _unsupported(file, net, dynamics, dyr_path)
     replaced = _settle(net, dynamics, sources, dyr_path, missing, missing_controls)
-    corrections = (*filter(None, [file.cut]), *net.corrections, *dynamics.corrections, *apart, *replaced)
+    encoded = not_utf8(raw_path, dyr_path)
+    corrections = (*encoded, *filter(None, [file.cut]), *net.corrections, *dynamics.corrections, *apart, *replaced)
     notes = (*corrections, *(str(u) for u in unsupported if u.kind != WITHOUT_RECORD))
     case = net.case(
         Path(raw_path),

@@ -21,7 +21,7 @@ from stabctl.model import tables as model_tables
 from stabctl.model.case import Case
 from stabctl.model.tables import Branch, Bus, Load, Machine
 
-from .._lexer import Place
+from .._lexer import Place, not_utf8
 from .._table_builder import TableBuilder, without_owner
 from ..psse.dyr import Unsupported
 from . import tables
@@ -122,7 +122,7 @@ class _Reader:
         self.net.storage_buses()
         left = [name for name in self.file.unread if name not in MODELS]
         said = [f"{self.file.path}: not represented: {', '.join(left)}."] if left else []
-        corrections = (*self.net.corrections, *apart, *said, *self._disturbance())
+        corrections = (*not_utf8(self.file.path), *self.net.corrections, *apart, *said, *self._disturbance())
         case = self.net.case(
             self.file.path,
             self.places,
