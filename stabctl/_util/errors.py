@@ -51,6 +51,12 @@ def is_line(text: object) -> bool:
     return isinstance(text, str) and text.isprintable()
 
 
+def check_line(name: str, text: object) -> None:
+    """Raise `StudyError` if an argument of this name is no line of text."""
+    if not is_line(text):
+        raise StudyError(f"{name} = {shown(text)} is not allowed; give one line of text.")
+
+
 def shown(value: object, most: int = 40) -> str:
     """A value as shown in messages: its repr, shortened if it is long."""
     try:

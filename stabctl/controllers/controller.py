@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stabctl._util.errors import StudyError, is_line, shown
+from stabctl._util.errors import StudyError, check_line, shown
 from stabctl._util.validation import checks_arguments
 from stabctl._util.verbs import verb
 
@@ -59,7 +59,7 @@ class Controller:
     tracking : str or float, s, optional
         Time constant Tt of the anti-windup: x' also has C+ (limited - unlimited output) / Tt, both behind the delay,
         C+ the pseudoinverse of C, as in a PI controller (K. Astrom, T. Hagglund, Advanced PID Control, 2006, section
-        3.5). Below 2/pi of the delay it oscillates.
+        3.5). Below 2/pi of the delay its oscillation grows.
     gate : Gate, optional
         When it acts.
     law : callable, optional
@@ -123,8 +123,7 @@ class Controller:
 
     def _check(self) -> None:
         rate = self.rate
-        if not is_line(self.name):
-            raise StudyError(f"name = {shown(self.name)} is not allowed; give one line of text.")
+        check_line("name", self.name)
         if rate is not None:
             object.__setattr__(self, "delay", checked_frames(self.name, rate, self.delay) / rate)
         if self.gate is not None and not isinstance(self.gate, Gate):

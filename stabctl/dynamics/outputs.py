@@ -182,16 +182,15 @@ def line(
 
 def state(point: OperatingPoint, signal: Signal) -> int:
     """Place in s of a state, by its label. Raises `StudyError` if there is no such state, or its block is bypassed."""
-    labels = unique(p.label for p in point.layout.states)
-    used, name = dict(zip(labels, _used(point), strict=True)), str(signal.place)
-    if used.get(name):
-        return labels.index(name)
-    if name in used:
+    places, name = _states(point), str(signal.place)
+    if (found := places.get(name)) is not None:
+        return found
+    if name in places:
         raise StudyError(
             f"The state {name} of {point.case.name} never moves: a time constant of 0, or a flag, bypasses its block. "
             "Leave it out, or give the device that time constant, such as a lag of storage."
         )
-    there = [label for label in labels if used[label]]
+    there = [label for label, found in places.items() if found is not None]
     similar = difflib.get_close_matches(name, there, n=3)
     raise StudyError(
         f"{point.case.name} has no state {shown(signal.place)}; " + (f"similar ones are {', '.join(similar)}."
@@ -199,18 +198,20 @@ def state(point: OperatingPoint, signal: Signal) -> int:
     )  # fmt: skip
 
 
-def _used(point: OperatingPoint) -> np.ndarray:
-    """States (mask) that move or are read, at the operating point or far from it; blocks that are bypassed have others.
+def _states(point: OperatingPoint) -> dict[str, int | None]:
+    """Label of every state -> its place in s; None if it neither moves nor is read, because its block is bypassed.
 
-    Far from it, because a state at rest within a deadband, or behind a limit, may move in a run.
+    Not even far from the operating point: a state at rest within a deadband, or behind a limit, may move in a run.
     """
-    if "used" not in vars(point):
+    places: dict[str, int | None] = vars(point).setdefault("state_places", {})
+    if not places:
         layout, equations, found = point.layout, point.equations, []
         far = np.zeros(layout.size)
         far[: layout.step] = np.random.default_rng(0).normal(scale=FAR, size=layout.step)
         for s in (point.s.copy(), point.s + far, point.s - far):
             slopes, values = equations.entries(s)
             found += [equations.rows[slopes != 0], equations.columns[slopes != 0], np.flatnonzero(values)]
-        vars(point)["used"] = np.isin(np.arange(layout.nx), np.concatenate(found))
-    used: np.ndarray = vars(point)["used"]
-    return used
+        used = {*np.concatenate(found).tolist()}
+        labels = unique(p.label for p in layout.states)
+        places |= {label: k if k in used else None for k, label in enumerate(labels)}
+    return places

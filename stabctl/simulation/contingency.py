@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING
 
-from stabctl._util.errors import StudyError, is_line, shown
+from stabctl._util.errors import StudyError, check_line, shown
 from stabctl._util.units import seconds
 from stabctl.model import naming
 from stabctl.model.case import Case
@@ -84,8 +84,8 @@ class Contingency:
         fault = str(self.fault) if isinstance(self.fault, int) and not isinstance(self.fault, bool) else self.fault
         if fault is not None and not isinstance(fault, Place):
             raise StudyError(f"{fault!r} is not a fault location; write 83 for a bus, 7-8 or 7-8@0.4 for a line.")
-        if self.name is not None and not is_line(self.name):
-            raise StudyError(f"name = {shown(self.name)} is not allowed; give one line of text.")
+        if self.name is not None:
+            check_line("name", self.name)
         checked_impedance(self.impedance)
         if self.impedance and fault is None:
             raise StudyError("The impedance is that of a fault, and there is none; give one, or leave impedance out.")
