@@ -15,6 +15,7 @@ from stabctl._util.errors import LinearizationError, StudyError
 from stabctl._util.units import cycles, quantity
 from stabctl._util.validation import checks_arguments
 from stabctl.clearing import ClearingTime, Screen, Severity, screen
+from stabctl.clearing.screen import plan
 from stabctl.clearing.screen_result import Lines
 from stabctl.clearing.trial import observed
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
@@ -154,6 +155,9 @@ def study(
     asked, costs, rules = kinds(remedies), priced(prices), None if criteria is None else named(criteria)
     running = {"workers": workers, "store": store, "scheduler": scheduler}
     work = _Work(worst, {**search, "criterion": criterion}, running)
+    if isinstance(faults, Iterable) and not isinstance(faults, str):
+        faults = tuple(faults)  # they are needed again for the remedies
+    plan(case, faults=faults, control=control, criteria=rules, **work.search)  # what cannot be done is said at once
     found = Study(point, wanted, case.check(), powerflow.solve(case), Settings(faults, control, rules))
 
     def done(now: Study) -> Study:

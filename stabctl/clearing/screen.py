@@ -120,21 +120,10 @@ def screen(
     0     7  7-8     9.0        4
     """
     point = operating_point(base, storage)
-    search = Search.of(
-        point.case,
-        resolution=resolution,
-        limit=limit,
-        observe=observe,
-        step=step,
-        criterion=criterion,
-        scan=scan,
-        longest=longest,
-        keeping=criteria,
-    )
-    if below is not None:
-        search = replace(search, limit_cycles=min(search.limit_cycles, _next(below, search, point.case)))
-    found, places = _places(point.case, faults, buses)
-    shared = Shared(Base(point), search, checked_control(control, point.case))
+    given: dict[str, Any] = {"resolution": resolution, "limit": limit, "observe": observe, "longest": longest}
+    given |= {"scan": scan, "step": step, "criterion": criterion, "criteria": criteria}
+    search, found, places, control = plan(point.case, below, faults=faults, buses=buses, control=control, **given)
+    shared = Shared(Base(point), search, control)
     began, pairs = time.perf_counter(), list[ClearingTime]()
     simulations, size = 0, sum(map(len, places.values()))
     how: dict[str, Any] = {"store": store, "workers": workers, "scheduler": scheduler}
@@ -159,6 +148,32 @@ def screen(
     return whole if below is None else whole.below(below)
 
 
+class Plan(NamedTuple):
+    """What a screen does."""
+
+    search: Search
+    lines: Lines  # screened, if lines are
+    places: dict[str, list[Contingency]]  # place and impedance of a fault -> the contingencies with it
+    control: Control
+
+
+def plan(
+    case: Case,
+    below: str | float | None = None,
+    *,
+    faults: str | Iterable[Contingency | str],
+    buses: int | str | Iterable[int] | None = None,
+    control: Control,
+    criteria: "Criteria | str | Path | None",
+    **search: Any,
+) -> Plan:
+    """What a screen of a case will do, without doing it. Raises `StudyError` if it cannot be done."""
+    chosen = Search.of(case, keeping=criteria, **search)
+    if below is not None:
+        chosen = replace(chosen, limit_cycles=min(chosen.limit_cycles, _next(below, chosen, case)))
+    return Plan(chosen, *_places(case, faults, buses), checked_control(control, case))
+
+
 def _next(below: str | float, search: Search, case: Case) -> float:
     """The grid's first point (cycles) at or above a clearing time."""
     longest = cycles(below, case.frequency_hz)
@@ -170,7 +185,7 @@ def _next(below: str | float, search: Search, case: Case) -> float:
 def _places(
     case: Case, faults: str | Iterable[Contingency | str], buses: int | str | Iterable[int] | None
 ) -> tuple[Lines, dict[str, list[Contingency]]]:
-    """The lines screened, if they are, and place and impedance of a fault -> the contingencies with it."""
+    """The lines and the places of a plan."""
     kinds = naming.listed(faults) if isinstance(faults, str) else []
     categories = [word for word in kinds if word[:1] in "Pp" and word[1:2].isdigit()]
     given = () if isinstance(faults, str) else tuple(faults) if isinstance(faults, Iterable) else (faults,)

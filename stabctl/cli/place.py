@@ -1,5 +1,6 @@
 """stabctl place: siting and sizing of storage."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -139,7 +140,7 @@ def place(
             workers=workers,
             store=store,
             scheduler=scheduler,
-            progress=lambda runs, cost: tell(None, f"{runs} simulations, lowest cost {cost:.4g}"),
+            progress=lambda runs, cost: tell(None, f"{runs} simulations, {_so_far(cost)}"),
         )
     if as_json:
         shared.print_json(_record(found) | {"contingencies_from": source})
@@ -213,6 +214,10 @@ def _record(found: "Siting") -> dict[str, Any]:
         "simulations": found.simulations,
         "wall_s": found.wall_s,
     }
+
+
+def _so_far(cost: float) -> str:
+    return f"lowest cost {cost:.4g}" if cost < math.inf else "no fleet yet"
 
 
 def _asked(c: Any) -> dict[str, Any]:

@@ -13,12 +13,14 @@ from numbers import Integral
 import numpy as np
 
 from stabctl._util.errors import CaseError, StudyError, shown
-from stabctl._util.wording import counted
+from stabctl._util.wording import counted, listed
 from stabctl.model import naming
 from stabctl.model.case import Case
 from stabctl.model.location import circuit
 
 from .modes import Modes
+
+MOST = 40  # areas, and machines of an area, that are printed
 
 
 @dataclass(frozen=True, repr=False)
@@ -48,8 +50,9 @@ class Areas:
         return tuple(sorted(moved, key=naming.order))
 
     def __str__(self) -> str:
-        listed = "; ".join(", ".join(map(str, sorted(group, key=naming.order))) for group in self.groups)
-        return f"{self.name}: {len(self.groups)} areas: {listed}"
+        groups = [listed([*map(str, sorted(group, key=naming.order))], MOST) for group in self.groups]
+        more = f"; and {len(groups) - MOST} more" if len(groups) > MOST else ""
+        return f"{self.name}: {len(groups)} areas: {'; '.join(groups[:MOST])}{more}"
 
     __repr__ = __str__
 

@@ -267,6 +267,27 @@ def test_faults_that_cannot_be_are_told(base, given, said):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
+        ({"faults": "poles"}, "give 'lines', 'buses', P1"),
+        ({"faults": ["7-99"]}, "no bus 99"),
+        ({"resolution": "0cyc"}, "resolution"),
+        ({"step": "-1ms"}, "is not a time"),
+    ],
+)
+def test_a_study_that_cannot_be_is_refused_before_its_work(base, monkeypatch, given, said):
+    monkeypatch.setattr(study_module, "modes", lambda *_, **__: pytest.fail("modes are computed"))
+    with pytest.raises(StudyError, match=said):
+        base.study(**QUICK | given)
+
+
+def test_faults_may_be_given_once(base):
+    """They are needed twice, as remedies are judged by the same study."""
+    given = {"remedies": "none", "worst": 0} | QUICK
+    assert base.study(faults=iter(["7-8@0.4", "8"]), **given).how.faults == ("7-8@0.4", "8")
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
         ({"clear": 0}, "clear = 0 cycles is not possible; give a time above 0 and below 1e6cyc"),
         ({"damping": 1.5}, "damping = 1.5 is no damping ratio"),
         ({"voltages": (1.1, 0.9)}, r"voltages = \(1.1, 0.9\) is no range"),

@@ -1,5 +1,7 @@
 """Coherent areas: Kundur's two, and what a topology change does to them."""
 
+from dataclasses import replace
+
 import pytest
 
 from stabctl._util.errors import StudyError
@@ -30,6 +32,14 @@ def test_neighbors_stay_together_in_the_western_system(modes):
     point = modes("wnaps").linear.point
     inertia = [sum(point.inertia[point.rotor_names.index(m)] for m in g) for g in found.groups]
     assert inertia == sorted(inertia, reverse=True)
+
+
+def test_long_areas_are_cut_where_they_are_printed(modes):
+    found = areas(modes("two_area"))
+    wide = replace(found, groups=(tuple(range(1, 101)), *((k,) for k in range(101, 200))))
+    assert "100 areas: 1, 2, 3, " in str(wide)
+    assert " 40 and 60 more; 101; " in str(wide)
+    assert str(wide).endswith("; 139; and 60 more")
 
 
 def test_areas_after_a_topology_change(modes):
