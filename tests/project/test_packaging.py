@@ -26,7 +26,7 @@ def installed(tmp_path_factory):
     subprocess.run([sys.executable, "-m", "build", "--outdir", folder, ROOT], **told)  # the wheel from the archive
     subprocess.run([sys.executable, ROOT / "tools" / "make_venv.py", folder / "venv"], **told)
     (wheel,) = folder.glob("*.whl")
-    subprocess.run([python, "-m", "pip", "install", "-q", wheel], **told)
+    subprocess.run([python, "-m", "pip", "install", "-q", "--no-compile", wheel], **told)
     return python
 
 
