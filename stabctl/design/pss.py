@@ -137,7 +137,7 @@ def held(model: Linear, machine: int, column: int, others: Others) -> Model:
     free = np.delete(np.arange(len(model.A)), np.r_[angles, angles + 1])
     labels = (model.inputs[column],), (model.outputs[column],)
     return Model(
-        f"GEP of machine {machine} of {model.name}",
+        f"GEP of machine {model.point.case.called[machine]} of {model.name}",
         model.A[np.ix_(free, free)],
         model.B[free][:, [column]],
         model.C[[column]][:, free],

@@ -167,7 +167,8 @@ def with_exciter(case: Case, machines: Iterable[int] | None) -> list[int]:
     for n in numbers:
         if n not in found:
             raise StudyError(
-                f"Machine {n} of {case.name} has no exciter, so it can have no stabilizer; choose other machines."
+                f"Machine {case.called[n]} of {case.name} has no exciter, so it can have no stabilizer; choose other "
+                "machines."
             )
     if not numbers and found:
         raise StudyError("machines names no machine; leave it out for all with an exciter.")
