@@ -96,15 +96,15 @@ class Equivalent:
         return equal_area(m, during_fault(m, m.seconds(cycles))[0], self.share * Pc)
 
 
-def equivalent(case: Case, machine: int) -> Equivalent:
+def equivalent(case: Case, machine: int | str) -> Equivalent:
     """The equivalent of one machine of a case and the COI of the others; its fault is bolted, at the machine's bus.
 
     Parameters
     ----------
     case : Case
         The system; its machines are replaced by classical ones.
-    machine : int
-        Number of the machine.
+    machine : int or str
+        Number or name of the machine.
 
     Returns
     -------
