@@ -46,7 +46,9 @@ def unprinted(case):
         assert not (found := wrong.search(str(text))), (found, text)
         return str(text)
 
-    assert numbers and wrong.search("machine 102 ") and not wrong.search("machine 102/1")
+    assert numbers
+    assert wrong.search("machine 102 ")
+    assert not wrong.search("machine 102/1")
     return check
 
 
@@ -141,7 +143,10 @@ def test_places_of_storage_are_given_and_shown_by_name(case, unprinted, tmp_path
         (lambda c: c.simulate(["102/A b@1s", "102/a B@1.5s"], until="2s"), "Machine 102/A b is tripped twice"),
         (lambda c: c.set("genrou.102/Z.H", 3), "no genrou at 102/Z; did you mean 102/"),
         (lambda c: c.trip_machine("101/1"), "Machine 101/1 of named is the only one at the swing bus"),
-        (lambda c: st.design.pss(c, ["101/1"]), "Machine 101/1 of named.* has no exciter, so it can have no stabilizer"),
+        (
+            lambda c: st.design.pss(c, ["101/1"]),
+            "Machine 101/1 of named.* has no exciter, so it can have no stabilizer",
+        ),
         (
             lambda c: st.place(c, [st.Contingency("103", clear="6cyc")], candidates=[("102/A b", 102)] * 2),
             "The candidate 102/A b@102 is listed twice",
