@@ -205,7 +205,9 @@ def _designed(
     chosen = training_contingencies([faults[k] for k in order], training, seed)
     areas = slow_areas(point.modes())
     groups = [_leaving(bench, areas, c, m) for c, m in zip(faults, none, strict=True)]
-    together = disjoint(g for k in order if faults[k] in chosen and (g := groups[k]))
+    named = disjoint(g for k in order if faults[k] in chosen and (g := groups[k]))
+    number = {m.called: m.machine for m in point.case.machines}  # a law is given names with a slash only
+    together = tuple(tuple(m if "/" in str(m) else number[m] for m in group) for group in named)
     tuning = LawSearch(bench, chosen, reference, limits, use.of)
     finalists = [use.of(one) for one in tuning.best(_start(limits), [(), together] if together else [()])]
     best, silent = _quiet(point, finalists)
