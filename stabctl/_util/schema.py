@@ -20,9 +20,16 @@ POSITIVE = Gt(0)
 NOT_NEGATIVE = Ge(0)
 SHARE = Interval(ge=0, le=1)
 RATIO = Interval(ge=0.01, le=100)
+NAMED = int | str  # a number or a name
 FROM_CASE = "filled from the case, not a column"
 _SUFFIX = {"-": "", "MW/s": "_mw_per_s", "pu/s": "_pu_per_s"}
-_NOUNS: dict[type, str] = {int: "a whole number", float: "a number", str: "text", bool: "True or False"}
+_NOUNS: dict[Any, str] = {
+    NAMED: "a whole number or a name",
+    int: "a whole number",
+    float: "a number",
+    str: "text",
+    bool: "True or False",
+}
 _WORDS = {"ge": "of at least {:g}", "gt": "above {:g}", "le": "of at most {:g}", "lt": "below {:g}"}
 
 
@@ -34,7 +41,7 @@ class Field(NamedTuple):
     name, unit, meaning : str
         As written in the record; the unit of a dimensionless field is "-".
     kind : type
-        `float`, `int`, `str` or `bool`; `Any` where the record itself checks the value.
+        `float`, `int`, `str`, `bool` or `int | str`; `Any` where the record itself checks the value.
     choices : tuple of str
         The allowed texts, if the field is a `Literal`.
     limits : mapping
@@ -93,7 +100,8 @@ def hints(record: type) -> Mapping[str, Field | None]:
             found[name] = None
             continue
         if get_origin(kind) in (Union, types.UnionType):
-            kind = next(k for k in get_args(kind) if k is not type(None))
+            kinds = [k for k in get_args(kind) if k is not type(None)]
+            kind = kinds[0] if len(kinds) == 1 else Union[tuple(kinds)]  # noqa: UP007
         choices = get_args(kind) if get_origin(kind) is Literal else ()
         default = _default(record, name)
         found[name] = Field(name, str if choices else kind, choices, unit, meaning, _limits(rest), default)

@@ -15,7 +15,7 @@ from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar, get_args, get_origin
 
 from .errors import StudyError, is_line, shown
-from .schema import Field, fields, hints
+from .schema import NAMED, Field, fields, hints
 from .units import NUMBER, kind_of, quantity
 
 if TYPE_CHECKING:
@@ -129,6 +129,8 @@ def _schema(kind: type, choices: tuple[str, ...], limits: Mapping[str, float]) -
         return core_schema.no_info_after_validator_function(_line, core_schema.str_schema(strict=True))
     if kind is bool:
         return core_schema.bool_schema(strict=True)
+    if kind == NAMED:
+        return core_schema.union_schema([_schema(int, (), limits), _schema(str, (), {})])
     if kind is Any:
         return core_schema.any_schema()
     bounds = {"ge": -LARGEST, "le": LARGEST} | dict(limits)

@@ -233,7 +233,7 @@ class _Room:
     def _values(self, power: np.ndarray) -> dict[str, float]:
         """The power (machines, MW) of those that are not scheduled at it, by their path in the case."""
         rows = zip(self.point.case.machines, power.tolist(), strict=True)
-        return {f"machines.{m.machine}.p": round(mw, 6) for m, mw in rows if abs(mw - m.p) > TINY}
+        return {f"machines.{m.called}.p": round(mw, 6) for m, mw in rows if abs(mw - m.p) > TINY}
 
 
 def _joined(sides: Sequence[np.ndarray]) -> list[np.ndarray]:

@@ -194,7 +194,7 @@ def _stored(asked: Asked) -> Find:
             **asked.running,
         )
         devices = *point.case.storage, *fleet.storage()
-        sizes = [f"{s.size} MW at bus {s.bus} for machine {point.case.machine(s.machine).called}" for s in fleet.sites]
+        sizes = [f"{s.size} MW at bus {s.bus} for machine {s.machine}" for s in fleet.sites]
         return Change(
             listed(sizes) if sizes else "no storage",
             operating_point(point, devices),

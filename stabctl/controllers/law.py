@@ -5,7 +5,7 @@ import sys
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stabctl import devices
 from stabctl._util.errors import StudyError, shown
@@ -15,6 +15,9 @@ from stabctl.devices.device import Device, of
 
 from .signals import Input, StorageDevice
 from .timing import checked_frames, duration
+
+if TYPE_CHECKING:
+    from stabctl.model.case import Case
 
 
 class Law(ABC):
@@ -40,7 +43,7 @@ class Law(ABC):
     inertial: bool = False
     abrupt: bool = False
     step: float = 1 / 120
-    groups: tuple[tuple[int, ...], ...] = ()
+    groups: tuple[tuple[int | str, ...], ...] = ()
     rate: int | None = None
     frames: int = 0
 
@@ -58,6 +61,10 @@ class Law(ABC):
     def timed(self) -> bool:
         """Whether its orders depend on the instant."""
         return self.reads("time")
+
+    def numbers(self, case: "Case") -> tuple[tuple[int, ...], ...]:
+        """The groups by numbers of machines. Raises `StudyError` for a machine that the case does not have."""
+        return tuple(tuple(case.machine(n).machine for n in group) for group in self.groups)
 
     def reads(self, signal: str) -> bool:
         """Whether its orders depend on a signal of `Input`: whether compiled code of its file mentions that.
@@ -150,7 +157,7 @@ class SampledLaw(Law):
         return self.law.reads(signal)
 
     @property
-    def groups(self) -> tuple[tuple[int, ...], ...]:  # type: ignore[override]
+    def groups(self) -> tuple[tuple[int | str, ...], ...]:  # type: ignore[override]
         """Groups of the law."""
         return self.law.groups
 

@@ -33,10 +33,11 @@ def controllers(law: Law, case: "Case") -> tuple[Controller, ...]:
     if not hasattr(case, "storage") or not hasattr(case, "frequency_hz"):
         raise StudyError(f"{shown(case)} is not a case; give st.load(...), or the case of an operating point.")
     hz, made = case.frequency_hz, []
-    names = numbered(f"{device.machine}@{device.bus}" for device in case.storage)
+    names = numbered(f"{case.called[device.machine]}@{device.bus}" for device in case.storage)
+    groups = inner.numbers(case)
     for name, device in zip(names, case.storage, strict=True):
-        group = next((g for g in inner.groups if device.machine in g), (device.machine,))
-        of = "+".join(map(str, group))
+        group = next((g for g in groups if device.machine in g), (device.machine,))
+        of = "+".join(str(case.called[n]) for n in group)
         inputs, gains, deadband = [f"deviation:{of}"], [1.0], 0.0
         if isinstance(inner, StorageLaw):
             _check_counterpart(inner)

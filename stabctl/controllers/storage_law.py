@@ -9,6 +9,7 @@ else to do, it returns its energy to the initial value.
 """
 
 import re
+from collections import Counter
 from dataclasses import dataclass
 from math import pi
 from typing import Annotated, Any, NamedTuple
@@ -162,8 +163,8 @@ class StorageLaw(Law):
         return 1 / par.slope, 0.0, par.angle_gain / par.slope
 
 
-def _groups(given: Any) -> tuple[tuple[int, ...], ...]:
-    """Groups as numbers, from "13+14" or sequences of numbers."""
+def _groups(given: Any) -> tuple[tuple[int | str, ...], ...]:
+    """Groups of machines by number or name, from "13+14", "30/1+30/2" or sequences of them."""
     found = []
     if not isinstance(given, str | list | tuple):
         raise StudyError(f"groups = {shown(given)} does not name machines; give numbers, such as '13+14'.")
@@ -171,11 +172,12 @@ def _groups(given: Any) -> tuple[tuple[int, ...], ...]:
         if not isinstance(group, str | list | tuple):
             raise StudyError(f"groups: {shown(group)} does not name machines; give numbers, such as '13+14'.")
         parts = group.split("+") if isinstance(group, str) else [str(n) for n in group]
-        if not all(re.fullmatch(r"\s*[0-9]{1,18}\s*", part) for part in parts):
+        parts = [part.strip() for part in parts]
+        if not all(re.fullmatch(r"[0-9]{1,18}|.+/.+", part) for part in parts):
             raise StudyError(f"groups: {shown(group)} does not name machines; give numbers, such as '13+14'.")
-        found.append(tuple(sorted({int(part) for part in parts})))
-    members = [n for group in found for n in group]
-    for n in members:
-        if members.count(n) > 1:
+        members = {int(part) if part.isdecimal() else part for part in parts}
+        found.append(tuple(sorted(members, key=lambda n: (len(str(n)), str(n)))))
+    for n, times in Counter(n for group in found for n in group).items():
+        if times > 1:
             raise StudyError(f"groups: machine {n} is in two groups; leave it in one.")
     return tuple(found)

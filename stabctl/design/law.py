@@ -205,7 +205,9 @@ def _designed(
     chosen = training_contingencies([faults[k] for k in order], training, seed)
     areas = slow_areas(point.modes())
     groups = [_leaving(bench, areas, c, m) for c, m in zip(faults, none, strict=True)]
-    together = _numbers(point, disjoint(g for k in order if faults[k] in chosen and (g := groups[k])))
+    named = disjoint(g for k in order if faults[k] in chosen and (g := groups[k]))
+    number = {m.called: m.machine for m in point.case.machines}  # a law is given names with a slash only
+    together = tuple(tuple(m if "/" in str(m) else number[m] for m in group) for group in named)
     tuning = LawSearch(bench, chosen, reference, limits, use.of)
     finalists = [use.of(one) for one in tuning.best(_start(limits), [(), together] if together else [()])]
     best, silent = _quiet(point, finalists)
@@ -234,11 +236,6 @@ def _leaving(bench: Bench, areas: Areas, contingency: Contingency, idle: Measure
         return None
     above = bench.search.resolution_cycles if idle.status == "found" else 0.0
     return critical_machines(Trial(bench.point, contingency, None, bench.search), areas, idle.reach + above)
-
-
-def _numbers(point: OperatingPoint, groups: Sequence[tuple[int | str, ...]]) -> tuple[tuple[int, ...], ...]:
-    """Groups as numbers of machines."""
-    return tuple(tuple(sorted(point.case.machine(m).machine for m in group)) for group in groups)
 
 
 def _start(limits: LawLimits) -> StorageLaw:

@@ -27,7 +27,7 @@ Others = Literal["held", "free"]
 
 def pss(
     base: "Case | OperatingPoint | Outages | Sequence[OperatingPoint]",
-    machines: Iterable[int] | None = None,
+    machines: Iterable[int | str] | None = None,
     *,
     damping: float | None = None,
     stages: int = 2,
@@ -48,7 +48,7 @@ def pss(
     ----------
     base : Case, OperatingPoint, Outages, or sequence of OperatingPoint
         The system; several operating points are all served.
-    machines : iterable of int, optional
+    machines : iterable of int or str, optional
         Machines that get a stabilizer; by default all with an exciter.
     damping : float, optional
         Damping ratio that every mode above 0.1 Hz shall reach; then the gains are lowered. Without it, as much damping
@@ -92,15 +92,15 @@ def pss(
     return tune(base, own, damping=damping, outages="none", levels=(1.0,), gains=(), **more)
 
 
-def gep(base: "Case | OperatingPoint", machine: int, *, others: Others = "held") -> Model:
+def gep(base: "Case | OperatingPoint", machine: int | str, *, others: Others = "held") -> Model:
     """Transfer function from the stabilizer input of a machine to its electrical torque, its rotor held.
 
     Parameters
     ----------
     base : Case or OperatingPoint
         The system.
-    machine : int
-        Number of the machine, which needs an exciter.
+    machine : int or str
+        Number or name of the machine, which needs an exciter.
     others : {"held", "free"}
         The rotors of the other machines: held too, which is smooth over the frequency and shows the phase that a
         stabilizer leads, or free to swing, which shows the resonances of the other machines.
@@ -137,7 +137,7 @@ def held(model: Linear, machine: int, column: int, others: Others) -> Model:
     free = np.delete(np.arange(len(model.A)), np.r_[angles, angles + 1])
     labels = (model.inputs[column],), (model.outputs[column],)
     return Model(
-        f"GEP of machine {machine} of {model.name}",
+        f"GEP of machine {model.point.case.called[machine]} of {model.name}",
         model.A[np.ix_(free, free)],
         model.B[free][:, [column]],
         model.C[[column]][:, free],

@@ -82,7 +82,7 @@ def _add_input(more: Extension, signal: Signal) -> None:
     before = more.connected(ports, 0)
     out = more.outputs([float(more.point.s[before])], unit)
     more.connected(ports, out)
-    more.add("adder", adder, [0, 0, 0, unit, before, setpoint, out], [], f"machine {signal.number}")
+    more.add("adder", adder, [0, 0, 0, unit, before, setpoint, out], [], f"machine {signal.called}")
 
 
 def _add_draw(more: Extension, signal: Signal) -> None:
@@ -142,12 +142,12 @@ def place(point: OperatingPoint, signal: Signal) -> int:
         found = point.layout.setpoint(_unit(point, signal), str(name))
     if found is None and signal.kind in OF_CONVERTER:
         raise StudyError(
-            f"A control of converter {signal.number} sets {SETPOINT_OF[signal.kind]}, so it is not an input."
+            f"A control of converter {signal.called} sets {SETPOINT_OF[signal.kind]}, so it is not an input."
         )
     if found is None:
         raise StudyError(f"{signal.label} of {case.name} is set by another device, so it is not an input.")
     if signal.kind in ("qset", "vset") and (why := _unread(point, signal)):
-        raise StudyError(f"Unit {signal.number} of {case.name} {why}.")
+        raise StudyError(f"Unit {signal.called} of {case.name} {why}.")
     return found
 
 

@@ -9,6 +9,8 @@ from stabctl._util.errors import StudyError
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.law import Law
 from stabctl.controllers.realization import Matrices, realized
+from stabctl.model import naming
+from stabctl.model.case import Case
 
 from . import outputs
 from .inputs import extended
@@ -25,6 +27,7 @@ class Named:
     outputs: tuple[Signal, ...]
     names: tuple[str, ...]  # of the inputs, each with its place
     rest: np.ndarray  # values of the inputs at the operating point
+    machine: int | None  # to which all inputs that it drives belong; None if there are several, or none
     equivalent: tuple[float, ...] | None = None  # gains of the outputs for a given amplitude, in place of `gains`
 
     @property
@@ -39,13 +42,6 @@ class Named:
         """Lowest and highest output; storage orders never leave -1 to 1."""
         low, high = self.controller.limits
         return (max(low, -1.0), min(high, 1.0)) if any(s.kind == "order" for s in self.outputs) else (low, high)
-
-    @property
-    def machine(self) -> int | None:
-        """Number of the machine to which all inputs that it drives belong; None if there are several, or none."""
-        driven = {int(str(s.place).split("@")[0]) if INPUTS[s.kind].place in ("machine", "device") else None
-                  for s in self.outputs}  # fmt: skip
-        return driven.pop() if len(driven) == 1 else None
 
     @property
     def matrices(self) -> Matrices:
@@ -75,7 +71,19 @@ def named(point: OperatingPoint, c: Controller) -> Named:
     seen = extended(point, (), reads)
     rest = np.array([0.0 if s.kind == "frequency" else outputs.value(seen, s)(seen.s) for s in reads])
     names = tuple(s.name for s in reads)
-    return Named(c, reads, drives, names, rest)
+    driven = {_machine(case, s) for s in drives}
+    return Named(c, reads, drives, names, rest, driven.pop() if len(driven) == 1 else None)
+
+
+def _machine(case: Case, signal: Signal) -> int | None:
+    """Number of the machine that an input belongs to, or whose storage device it drives."""
+    match INPUTS[signal.kind].place:
+        case "machine":
+            return signal.number
+        case "device":
+            return case.storage[naming.row(case, "storage", str(signal.place))].machine
+        case _:
+            return None
 
 
 def all_named(point: OperatingPoint, given: Iterable[Controller | Law]) -> list[Named]:

@@ -54,7 +54,7 @@ def place(point: OperatingPoint, signal: Signal) -> int:
     unit = [m.machine for m in point.case.machines].index(signal.number)
     found = point.layout.signals.get((unit, OF_UNIT[signal.kind]))
     if found is None:
-        raise StudyError(f"Machine {signal.place} of {point.case.name} has no signal {signal.kind}; choose another.")
+        raise StudyError(f"Machine {signal.called} of {point.case.name} has no signal {signal.kind}; choose another.")
     return found
 
 

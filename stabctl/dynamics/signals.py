@@ -56,11 +56,12 @@ class Signal(NamedTuple):
     place: int | Place | None
     label: str
     unit: str
+    called: int | Place | None  # the place, a machine by what it is called
 
     @property
     def name(self) -> str:
-        """As it is written in a controller: speed:2."""
-        return self.kind if self.place is None else f"{self.kind}:{self.place}"
+        """As it is written in a controller: speed:2, speed:30/1."""
+        return self.kind if self.called is None else f"{self.kind}:{self.called}"
 
     @property
     def number(self) -> int:
@@ -181,8 +182,11 @@ def _signal(case: Case, name: str, kind: Kind, place: int | Place | None) -> Sig
         for role in ("machine", "converter", "exciter", "governor")
         if isinstance(place, int) and (model := case.model(place, role))
     }
-    called = case.machine(number).called if kind.place == "machine" else place
-    return Signal(name, place, kind.label.format(place=called, **words), kind.unit)
+    called: int | Place | None = place
+    if kind.place in ("machine", "group"):
+        names = [case.called[int(n)] for n in str(place).split("+")]
+        called = names[0] if len(names) == 1 else "+".join(map(str, names))
+    return Signal(name, place, kind.label.format(place=called, **words), kind.unit, called)
 
 
 def _group(case: Case, name: str, text: str) -> int | str:
@@ -209,25 +213,26 @@ def _device(case: Case, text: str) -> str:
 
 def _belongs(case: Case, name: str, number: int) -> None:
     """Check that the machine has the control that the reference belongs to, or lacks the one that would override it."""
+    called = case.called[number]
     if name in (*OF_ROTOR, *OF_MACHINE) and not _has_rotor(case, number, name in OF_ROTOR):
         raise StudyError(
-            f"Unit {number} of {case.name} is a converter without a rotor, so it has no signal {name}; choose another."
+            f"Unit {called} of {case.name} is a converter without a rotor, so it has no signal {name}; choose another."
         )
     if name in OF_CONVERTER and not case.model(number, "converter"):
         raise StudyError(
-            f"Unit {number} of {case.name} is not a converter, so it has no signal {name}; choose another."
+            f"Unit {called} of {case.name} is not a converter, so it has no signal {name}; choose another."
         )
     if name in SET_POINTS and not port(case, number, name):
         raise StudyError(
-            f"Unit {number} of {case.name} has no converter control with a set-point {name}; choose another."
+            f"Unit {called} of {case.name} has no converter control with a set-point {name}; choose another."
         )
     if name in REFERENCES and not case.model(number, REFERENCES[name]):
         instead = "power" if name == "pref" else "field"
-        raise StudyError(f"Machine {number} of {case.name} has no {REFERENCES[name]}; use {instead}:{number}.")
+        raise StudyError(f"Machine {called} of {case.name} has no {REFERENCES[name]}; use {instead}:{called}.")
     if name in ("field", "power"):
         reference, control = ("vref", "an exciter") if name == "field" else ("pref", "a governor")
         if case.model(number, REFERENCES[reference]):
-            raise StudyError(f"Machine {number} of {case.name} has {control}; use {reference}:{number}.")
+            raise StudyError(f"Machine {called} of {case.name} has {control}; use {reference}:{called}.")
 
 
 def _has_rotor(case: Case, number: int, virtual: bool) -> bool:

@@ -44,7 +44,7 @@ class Alarm(NamedTuple):
     """A PMU found to be bad, or right again."""
 
     seed: int
-    machine: int
+    machine: int | str
     time_s: float
     why: str
     left_out: bool = True

@@ -9,6 +9,8 @@ import numpy as np
 
 from stabctl._util.errors import StudyError
 from stabctl.dynamics.operating_point import source_admittances
+from stabctl.model import naming
+from stabctl.model.case import Case
 from stabctl.model.network import Switching
 from stabctl.simulation.simulation import Simulation
 
@@ -42,10 +44,9 @@ class Observation:
 
     def __init__(self, simulations: Sequence[Simulation], pmu: Pmu, seeds: Sequence[int], check: bool = False) -> None:
         point, shape = simulations[0].point, (len(seeds), len(simulations[0].point.case.machines))
-        hz, self.numbers, self.seeds = point.case.frequency_hz, [m.machine for m in point.case.machines], seeds
-        without = np.isin(self.numbers, _known(pmu.missing, self.numbers, point.case.name))
-        bad = _known([one.machine for one in pmu.bad], self.numbers, point.case.name)
-        self._spoil = BadReports(pmu, [self.numbers.index(number) for number in bad], hz)
+        hz, self.names, self.seeds = point.case.frequency_hz, [m.called for m in point.case.machines], seeds
+        without = np.isin(range(shape[1]), _rows(point.case, pmu.missing))
+        self._spoil = BadReports(pmu, _rows(point.case, [one.machine for one in pmu.bad]), hz)
         self.simulations, self.network = simulations, NetworkModel(point)
         self.without = np.broadcast_to(without, shape).copy()  # machines whose reports are not used
         self._impedance = 1 / source_admittances(point.system)
@@ -90,7 +91,7 @@ class Observation:
             found = self._check(checked, metered, switching, self._used)
             for k, row, why in found:
                 self._used[k, row] = False
-                self.alarms.append(Alarm(self.seeds[k], self.numbers[row], at, why))
+                self.alarms.append(Alarm(self.seeds[k], self.names[row], at, why))
             left_out = ~self._used & ~self._never
             right = []
             if left_out.any():
@@ -98,7 +99,7 @@ class Observation:
             for k, row in right:
                 self._used[k, row] = True
                 why = f"its phasors have been consistent for {RETURN:g} s"
-                self.alarms.append(Alarm(self.seeds[k], self.numbers[row], at, why, left_out=False))
+                self.alarms.append(Alarm(self.seeds[k], self.names[row], at, why, left_out=False))
             if found or right:
                 self._due.append((self._frames + self._late, ~self._used))
             while self._due and self._due[0][0] <= self._frames:
@@ -137,12 +138,14 @@ class Observation:
         return last
 
 
-def _known(numbers: Sequence[int], of: Sequence[int], name: str) -> Sequence[int]:
-    """These numbers of machines, if a case has them and does not lose all."""
-    unknown = sorted(set(numbers) - set(of))
-    if unknown or len(set(numbers)) == len(of):
-        wrong = f"{name} has no machine {unknown[0]}" if unknown else "no machine would have a PMU"
+def _rows(case: Case, machines: Sequence[int | str]) -> list[int]:
+    """Rows of these machines, if a case has them and does not lose all."""
+    row = {m.machine: i for i, m in enumerate(case.machines)}
+    found = [row.get(naming.machine_number(case, one), -1) for one in machines]  # type: ignore[arg-type]
+    unknown = [one for one, i in zip(machines, found, strict=True) if i < 0]
+    if unknown or len(set(found)) == len(row):
+        wrong = f"{case.name} has no machine {unknown[0]}" if unknown else "no machine would have a PMU"
         raise StudyError(
-            f"missing or bad PMUs {tuple(numbers)} are not possible: {wrong}; give the numbers of some machines."
+            f"missing or bad PMUs {tuple(machines)} are not possible: {wrong}; give the numbers of some machines."
         )
-    return numbers
+    return found

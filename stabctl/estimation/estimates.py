@@ -262,7 +262,7 @@ class Estimates(Tabular):
         """A row per frame, seed and machine: deviations and their standard deviation (mHz), commands, usable, on."""
         import pandas as pd
 
-        machines = [m.machine for m in self.point.case.machines]
+        machines = [m.called for m in self.point.case.machines]
         index = pd.MultiIndex.from_product([self.time, self.seeds, machines], names=["time_s", "seed", "machine"])
         mhz = 1e3 * self.point.case.frequency_hz
         columns = {

@@ -175,7 +175,7 @@ class LawInputs:
         row = {m.machine: i for i, m in enumerate(case.machines)}
         self._machine = [row[s.machine] for s in case.storage]
         self._energy = storage.places(point.system, case).energy
-        groups = [next((g for g in law.groups if s.machine in g), (s.machine,)) for s in case.storage]
+        groups = [next((g for g in law.numbers(case) if s.machine in g), (s.machine,)) for s in case.storage]
         read = [(chosen(case, [f"deviation:{'+'.join(map(str, g))}"], OUTPUTS)[0], len(g) == 1) for g in groups]
         ages = pmu.own_frames(hz) / pmu.rate, pmu.remote_frames(hz) / pmu.rate
         self._start = point.s[point.rotors.angle]

@@ -115,7 +115,7 @@ def fit(found: "Estimates") -> Fit:
     factors = np.exp(np.where(np.abs(at) <= SPAN * FINER[-1], centers + at, best))
     told = sigma < UNKNOWN
     factors, sigma = np.where(told, factors, 1.0), np.where(told, sigma * factors, np.nan)
-    return Fit(tuple(m.machine for m in case.machines), factors[0], sigma[0], factors[1], sigma[1])
+    return Fit(tuple(m.called for m in case.machines), factors[0], sigma[0], factors[1], sigma[1])
 
 
 def _in_operation(found: "Estimates") -> list[Frame]:

@@ -36,8 +36,8 @@ class BadPmu:
 
     Parameters
     ----------
-    machine : int
-        Number of the machine.
+    machine : int or str
+        Number or name of the machine.
     at : float, s
         Instant from which it is wrong.
     frozen : bool
@@ -65,7 +65,7 @@ class BadPmu:
     [(3, 0.5)]
     """
 
-    machine: int
+    machine: int | str
     at: Annotated[float, "s", "instant from which a PMU is bad", Interval(ge=0, le=1e6)]
     _: KW_ONLY
     frozen: bool = False
@@ -105,8 +105,8 @@ class Pmu:
         1, each is lost independently of the others.
     outage : (time, time), optional
         From, to (s): every report is lost.
-    missing : tuple of int
-        Numbers of the machines without a PMU; their phasors are computed from those of the others.
+    missing : tuple of int or str
+        Numbers or names of the machines without a PMU; their phasors are computed from those of the others.
     bad : tuple of BadPmu
         PMUs that report wrong phasors.
     filter_class : {"none", "P", "M"}
@@ -135,7 +135,7 @@ class Pmu:
     loss: Annotated[float, "-", "fraction of the reports that are lost", Interval(ge=0, lt=1)] = 0.02
     burst: Annotated[float, "-", "mean length of a run of lost reports, frames", Ge(1)] = 1.0
     outage: tuple[str | float, str | float] | None = None
-    missing: tuple[int, ...] = ()
+    missing: tuple[int | str, ...] = ()
     bad: tuple[BadPmu, ...] = ()
     filter_class: Annotated[Literal["none", "P", "M"], "-", "class of the PMU's filter"] = "none"
 
@@ -200,7 +200,7 @@ class Pmu:
             object.__setattr__(self, "rate", int(self.rate))
         guard(self)
         for name, kind, example in (
-            ("missing", Integral, "(3,)"),
+            ("missing", Integral | str, "(3,)"),
             ("bad", BadPmu, "BadPmu(3, '0.5s', frozen=True)"),
         ):
             given = getattr(self, name)

@@ -93,7 +93,7 @@ def rotor_units(point: OperatingPoint, inertia: Factor = 1.0, reactance: Factor 
     without = sorted(set(range(m)) - set(point.rotors.real.unit.tolist()))
     if without:
         raise StudyError(
-            f"The speed of machine {point.case.machines[without[0]].machine} of {point.case.name} cannot be estimated, "
+            f"The speed of machine {point.case.machines[without[0]].called} of {point.case.name} cannot be estimated, "
             "because it is a converter without a rotor; use a case with synchronous machines only."
         )
     for f in point.system.families:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from stabctl._util.errors import CaseError, shown
-from stabctl._util.schema import Field
+from stabctl._util.schema import NAMED, Field
 from stabctl._util.tabular import inert, plain
 from stabctl.model.naming import REPEATED
 
@@ -130,12 +130,12 @@ def _value(path: Path, line: int, f: Field, cell: str, key: bool) -> Any:
     """The value in a cell; numbers in ASCII digits."""
     if key and REPEATED.fullmatch(cell):
         return cell
-    if f.kind is str:
+    if f.kind is str or (f.kind == NAMED and not cell.isdecimal()):
         return plain(cell)
     try:
         if "_" in cell or not cell.isascii():
             raise ValueError
-        return f.kind(cell)
+        return int(cell) if f.kind == NAMED else f.kind(cell)
     except ValueError:
         text = f"{shown(cell)} is not allowed; it must be {f.expected()}."
         raise CaseError(f"{path} row {line}, column {f.column}: {text}") from None

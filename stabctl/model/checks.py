@@ -235,7 +235,7 @@ def _every_unit_has_a_model(case: Tables) -> None:
     for i, m in enumerate(case.machines):
         if m.machine not in modeled:
             text = (
-                f"machine {m.machine} has no model; add a row for it to one of {', '.join(f'{k}.csv' for k in known)}."
+                f"machine {m.called} has no model; add a row for it to one of {', '.join(f'{k}.csv' for k in known)}."
             )
             raise RowError("machines", i, "machine", text)
 
@@ -246,15 +246,16 @@ def _controls(case: Tables) -> None:
         role = tables.role(model)
         for i, key in enumerate(rows):
             number = naming.number(key)
+            called = case.called.get(number)
             unit = case.model(number, "machine") or case.model(number, "converter")
             if unit and role in CONTROLS and not tables.takes(unit, role):
-                text = f"machine {number} is modeled by {unit}, which has no {role}; remove this row."
+                text = f"machine {called} is modeled by {unit}, which has no {role}; remove this row."
                 raise RowError(model, i, "machine", text)
             if role == "plant control" and not case.model(number, "electrical control"):
-                text = f"machine {number} has no electrical control for its plant control to act on; add one."
+                text = f"machine {called} has no electrical control for its plant control to act on; add one."
                 raise RowError(model, i, "machine", text)
             if role == "stabilizer" and unit and not case.model(number, "exciter"):
-                text = f"machine {number} has no exciter for its stabilizer to act on; add one or remove this row."
+                text = f"machine {called} has no exciter for its stabilizer to act on; add one or remove this row."
                 raise RowError(model, i, "machine", text)
 
 
@@ -283,7 +284,8 @@ def storage(case: Tables) -> None:
     first: dict[Storage, int] = {}
     for i, s in enumerate(case.storage):
         if first.setdefault(s, i) != i:
-            text = f"the device of machine {s.machine} at bus {s.bus} is given twice ({{rows}}); remove one of them."
+            called = case.called.get(s.machine, s.machine)
+            text = f"the device of machine {called} at bus {s.bus} is given twice ({{rows}}); remove one of them."
             raise RowError("storage", i, "machine", text, first[s])
         if s.bus not in buses:
             raise RowError("storage", i, "bus", f"there is no bus {s.bus} in buses.csv.")

@@ -177,7 +177,7 @@ def with_device(case: Case, model: str, at: int | str | Iterable[int | str], /, 
     devices = _left(case, others, places)
     rows = {**case.devices.get(model, {}), **dict.fromkeys(places, tables.parameters(model, **read))}
     devices[model] = {key: par for key, par in rows.items() if key in places or key in devices.get(model, {})}
-    return _changed(case, devices, f"{model} at {', '.join(map(str, places))}")
+    return _changed(case, devices, model, places)
 
 
 def without_device(case: Case, model: str, at: int | str | Iterable[int | str] | None = None) -> Case:
@@ -209,7 +209,7 @@ def without_device(case: Case, model: str, at: int | str | Iterable[int | str] |
     places = [_place(model, key) for key in case.devices[model]] if at is None else _places(case, model, at)
     for place in places:
         naming.row(case, model, place)
-    return _changed(case, _left(case, (model,), places), f"no {model} at {', '.join(map(str, places))}")
+    return _changed(case, _left(case, (model,), places), f"no {model}", places)
 
 
 def _known(model: object) -> None:
@@ -241,11 +241,12 @@ def _place(model: str, key: naming.Key) -> naming.Key:
     return key if tables.role(model) == "load" else naming.number(key)
 
 
-def _changed(case: Case, devices: dict[str, dict[naming.Key, Any]], what: str) -> Case:
+def _changed(case: Case, devices: dict[str, dict[naming.Key, Any]], what: str, places: Iterable[naming.Key]) -> Case:
     try:
         return replace(case, devices=devices)
     except CaseError as error:
-        raise CaseError(f"{case.name} cannot have {what}: {error}") from None
+        at = ", ".join(str(naming.called(case, what.split()[-1], place)) for place in places)
+        raise CaseError(f"{case.name} cannot have {what} at {at}: {error}") from None
 
 
 def with_load(
@@ -340,8 +341,8 @@ def trip_machine(case: Case, number: int) -> Case:
         i = naming.row(case, "buses", machine.bus)
         if buses[i].kind == "swing":
             raise StudyError(
-                f"Machine {number} of {case.name} is the only one at the swing bus {machine.bus}; make another bus the "
-                "swing bus first."
+                f"Machine {machine.called} of {case.name} is the only one at the swing bus {machine.bus}; make another "
+                "bus the swing bus first."
             )
         buses = (*buses[:i], buses[i]._replace(kind="pq"), *buses[i + 1 :])
     devices = {
@@ -370,7 +371,8 @@ def classical(case: Case) -> Case:
             elif {"H", "D", "ra", "x1d"} <= set(par._fields):
                 machines[key] = tables.parameters("gencls", H=par.H, D=par.D, ra=par.ra, x1d=par.x1d)
             else:
-                raise StudyError(f"Machine {key} of {case.name} is a {model}, which has no classical equivalent.")
+                called = naming.called(case, model, key)
+                raise StudyError(f"Machine {called} of {case.name} is a {model}, which has no classical equivalent.")
     others = {
         model: {key: par for key, par in rows.items() if tables.at_bus(model) or naming.number(key) not in machines}
         for model, rows in case.devices.items()

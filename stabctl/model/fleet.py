@@ -115,7 +115,7 @@ def chosen(
         bus = int(match[2]) if match[2] else machine.storage_bus
         naming.row(case, "buses", bus)
         if any((s.machine, s.bus) == (machine.machine, bus) for s in found):
-            raise StudyError(f"Machine {machine.machine} has two storage devices at bus {bus}; give it one.")
+            raise StudyError(f"Machine {machine.called} has two storage devices at bus {bus}; give it one.")
         found.append(_equipped(Storage(machine.machine, bus, megawatts(case, machine, size, flow)), given))
     return tuple(found)
 

@@ -31,6 +31,7 @@ _QUOTED = r"'(?:[^']|'')*'"
 _LISTED = re.compile(rf"(?:^|,)((?:{_QUOTED}|[^,])*)")
 _PLAIN = re.compile(r"@?[\w&*+.-]+")
 _STAR, _TERMINAL = re.compile(r"star ([0-9]+-[0-9]+-[0-9]+)"), re.compile(r"terminal ([0-9]+)/.+")
+_PLACED = re.compile(r"\A(.+?)((?:@[0-9]+)?(?:#[0-9]+)?)\Z")
 _NUMBERS = re.compile(r"([0-9]{1,18})\s*-\s*([0-9]{1,18})")
 
 
@@ -80,16 +81,19 @@ def row(case: Tables, table: str, key: Key) -> int:
     if table == "branches" and (circuit := parse_circuit(case, wanted)) and (rows := circuit_rows(case, circuit)):
         return rows[0]
     at_bus = table in ("buses", "loads") or (table not in TABLES and tables.at_bus(table))
-    number = bus_number(case, wanted) if at_bus else machine_number(case, wanted)
-    if number is not None and str(number) in known:
-        return known[str(number)]
+    find = bus_number if at_bus else machine_number
+    number = find(case, wanted)
     if table == "storage":
-        of_machine = [i for i, s in enumerate(case.storage) if str(s.machine) == wanted]
-        if len(of_machine) == 1:
-            return of_machine[0]
+        if (machines := [s.machine for s in case.storage]).count(number) == 1:  # type: ignore[arg-type]
+            return machines.index(number)  # type: ignore[arg-type]
+        known = {str(k): i for i, k in enumerate(numbered(f"{s.machine}@{s.bus}" for s in case.storage))}
+    for name, place in ((wanted, ""), *_PLACED.findall(wanted)):  # 30/1#2 is a device, 30/1@33 storage
+        if (same := f"{find(case, name)}{place}") in known:
+            return known[same]
     name = wanted if len(wanted) <= 40 else f"{wanted[:36]}..."
     what = f"{_NOUNS[table]} {name}" if table in _NOUNS else f"{table} at {name}"
-    raise StudyError(f"{case.name} has no {what}; {near(wanted, known)}")
+    names = (str(called(case, table, k)) for k in keys(case, table))
+    raise StudyError(f"{case.name} has no {what}; {near(wanted, names)}")
 
 
 def known_table(case: Tables, name: str) -> str:
@@ -111,7 +115,7 @@ def keys(case: Tables, table: str) -> list[Key]:
         case "branches":
             return list(map(str, circuits(rows)))
         case "storage":
-            return numbered(f"{s.machine}@{s.bus}" for s in rows)
+            return numbered(device(case, s.machine, s.bus) for s in rows)
         case _:
             return numbered(row[0] for row in rows)
 
@@ -207,6 +211,20 @@ def _plain(name: object) -> str:
     """A name in capitals, with single blanks; a number without leading zeros."""
     text = " ".join(str(name).split()).upper()
     return text.lstrip("0") or text if text.isdecimal() else text
+
+
+def called(case: Tables, table: str, key: Key) -> Key:
+    """The key of a machine or of a device at one, with what the machine is called; any other key as it is."""
+    if table != "machines" and (table in TABLES or tables.at_bus(table)):
+        return key
+    head, mark, count = str(key).partition("#")
+    name = case.called[int(head)]
+    return f"{name}#{count}" if mark else name
+
+
+def device(case: Tables, machine: int, bus: int) -> str:
+    """A storage device by what its machine is called and its bus: `14@33`, `30/1@33`."""
+    return f"{case.called[machine]}@{bus}"
 
 
 def number(key: Key) -> int:

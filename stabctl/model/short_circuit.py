@@ -236,7 +236,9 @@ def installed(case: Case) -> list[tuple[str, int, float]]:
         for m in case.machines
         if device.role == "converter" and model != "csvgn1" and m.machine in case.devices[model]
     ]
-    return found + [(f"ESD {s.machine}@{s.bus}", s.bus, s.mva or s.rating) for s in case.storage if s.rating > 0]
+    return found + [
+        (f"ESD {naming.device(case, s.machine, s.bus)}", s.bus, s.mva or s.rating) for s in case.storage if s.rating > 0
+    ]
 
 
 def impedances(

@@ -169,6 +169,11 @@ class Tables:
         return {b.bus: row for row, b in enumerate(self.buses)}
 
     @cached_property
+    def called(self) -> Mapping[int, int | str]:
+        """What every machine is called, by its number."""
+        return {m.machine: m.called for m in self.machines}
+
+    @cached_property
     def rows_between(self) -> Mapping[frozenset[int], Sequence[int]]:
         """Rows of the branches between two buses."""
         found: dict[frozenset[int], list[int]] = {}

@@ -258,7 +258,7 @@ def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siti
     order, built = [int(i) for i in np.argsort(-best) if best[i] > 0], []
     for i in order:
         s = devices[i]
-        site = Site(s.bus, s.machine, s.rating, float(found.energy[i]), s.mva or s.rating)
+        site = Site(s.bus, case.called[s.machine], s.rating, float(found.energy[i]), s.mva or s.rating)
         built.append(site if (use := uses[i]) is None else site._replace(**use._asdict()))
     return Siting(
         case=case.name,
@@ -280,7 +280,9 @@ def _siting(study: _Study, found: _Found, others: Mapping[str, Sampled]) -> Siti
         simulations=trials.simulations,
         wall_s=time.perf_counter() - study.began,
         candidates=tuple(
-            CandidateSite(c.bus, c.machine, float(study.largest[i]), None if even is None else float(even[i]))
+            CandidateSite(
+                c.bus, case.called[c.machine], float(study.largest[i]), None if even is None else float(even[i])
+            )
             for i, c in enumerate(places)
         ),
         title=case.title,

@@ -17,7 +17,7 @@ from stabctl.dynamics import signals
 from stabctl.dynamics.inputs import draw
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS
-from stabctl.model import network
+from stabctl.model import naming, network
 from stabctl.model.case import Case
 from stabctl.model.network import UNSWITCHED, Switching
 
@@ -81,25 +81,26 @@ def all_candidates(case: Case) -> tuple[Candidate, ...]:
     return tuple(Candidate(m.machine, m.storage_bus) for m in case.machines)
 
 
-def checked(case: Case, candidates: Iterable[tuple[int, int]] | None) -> tuple[Candidate, ...]:
+def checked(case: Case, candidates: Iterable[tuple[int | str, int]] | None) -> tuple[Candidate, ...]:
     """The candidates (machine, bus), by default `all_candidates`; raises StudyError if the case has no such place."""
     if candidates is None:
         return all_candidates(case)
-    found = tuple(Candidate(int(machine), int(bus)) for machine, bus in candidates)
+    found = tuple(Candidate(case.machine(machine).machine, int(bus)) for machine, bus in candidates)
     if not found:
         raise StudyError(f"There is no candidate for storage in {case.name}; give at least one machine and its bus.")
     buses = {b.bus for b in case.buses}
     for c in found:
-        case.machine(c.machine)
         if c.bus not in buses:
-            raise StudyError(f"There is no bus {c.bus} in {case.name} for the storage of machine {c.machine}.")
+            raise StudyError(
+                f"There is no bus {c.bus} in {case.name} for the storage of machine {case.called[c.machine]}."
+            )
         if found.count(c) > 1:
-            raise StudyError(f"The candidate {c} is listed twice; remove one of them.")
+            raise StudyError(f"The candidate {naming.device(case, *c)} is listed twice; remove one of them.")
     return found
 
 
 def sensitivity(
-    point: OperatingPoint, candidates: Iterable[tuple[int, int]] | None = None, switching: Switching = UNSWITCHED
+    point: OperatingPoint, candidates: Iterable[tuple[int | str, int]] | None = None, switching: Switching = UNSWITCHED
 ) -> Sensitivity:
     """Sensitivities at an operating point, or just after its network has been switched, with all states held.
 

@@ -35,7 +35,7 @@ class SiteOption(NamedTuple):
     """
 
     bus: Annotated[int, "-", "bus of the device"]
-    machine: Annotated[int | None, "-", "machine whose speed controls it; by default the nearest one"] = None
+    machine: Annotated[int | str | None, "-", "machine whose speed controls it; by default the nearest one"] = None
     cap: Annotated[float | None, "MW", "largest size", POSITIVE] = None
     module: Annotated[float | None, "MW", "the size is a multiple of it; by default any size", POSITIVE] = None
     cost_per_mw: Annotated[float | None, "-", "cost of a MW", NOT_NEGATIVE] = None
@@ -43,7 +43,7 @@ class SiteOption(NamedTuple):
     cost_per_site: Annotated[float | None, "-", "cost of the site", NOT_NEGATIVE] = None
 
 
-SiteOptions = str | Path | Iterable[SiteOption | tuple[int, int] | int]
+SiteOptions = str | Path | Iterable[SiteOption | tuple[int | str, int] | int]
 
 
 class Prices(NamedTuple):
@@ -173,7 +173,7 @@ def _wrong(option: SiteOption) -> str | None:
     return None
 
 
-def _followed(point: OperatingPoint, options: Sequence[SiteOption]) -> tuple[tuple[int, int], ...]:
+def _followed(point: OperatingPoint, options: Sequence[SiteOption]) -> tuple[tuple[int | str, int], ...]:
     """Machine and bus of every site; without a machine that at the bus, or the one that a MW there brakes most."""
     rotors = [m for m in point.case.machines if m.machine in point.rotor_numbers]
     nearest = {bus: m.machine for m in reversed(rotors) for bus in (m.bus, m.storage_bus)}

@@ -233,7 +233,7 @@ def sites(siting: Siting) -> Iterator[str]:
     yield f"   bus machine        MW {heads[0]}      kWh{heads[1]}"
     for s in siting.sites:
         mva = f"{s.mva or s.mw:9.2f} " if rated else ""
-        yield f"{s.bus:6d} {s.machine:7d} {s.size:>9s} {mva}{1e3 * s.mwh:9.1f}{'  ' if s.set_by else ''}{s.set_by}"
+        yield f"{s.bus:6d} {s.machine!s:>7s} {s.size:>9s} {mva}{1e3 * s.mwh:9.1f}{'  ' if s.set_by else ''}{s.set_by}"
 
 
 def remarks(siting: Siting) -> tuple[str, ...]:

@@ -34,7 +34,7 @@ class Site(NamedTuple):
     """A chosen storage device."""
 
     bus: int
-    machine: int
+    machine: int | str  # name or number
     mw: float
     mwh: float  # energy it absorbs or injects in the worst contingency: the required capacity
     mva: float = 0.0  # 0: as many as MW
@@ -67,7 +67,7 @@ class CandidateSite(NamedTuple):
     """A site where a storage device was allowed."""
 
     bus: int
-    machine: int
+    machine: int | str
     cap_mw: float
     uniform_mw: float | None  # of the uniform fleet; None if no uniform fleet survives everything
 

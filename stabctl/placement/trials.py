@@ -16,6 +16,7 @@ from stabctl.controllers import BangBang
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.jobs import Runner
 from stabctl.jobs.task import Base
+from stabctl.model import naming
 from stabctl.simulation.attached import attached
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.control import Control, acting
@@ -120,7 +121,7 @@ class Trials:
 
     def _device(self, row: int) -> str:
         s = self.point.case.storage[row]
-        return f"{'existing ' * (row < len(self.existing))}{s.machine}@{s.bus}"
+        return f"{'existing ' * (row < len(self.existing))}{naming.device(self.point.case, s.machine, s.bus)}"
 
     @property
     def simulations(self) -> int:

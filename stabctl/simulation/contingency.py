@@ -123,7 +123,8 @@ class Contingency:
         """
         fault = None if self.fault is None else placed(case, self.fault)
         trip = tuple(naming.circuit(case, circuit(case, k)[0]) for k in self.trip)
-        return replace(self, fault=fault, trip=trip, after=tuple(event(e, case.frequency_hz) for e in self.after))
+        after = tuple(_called(case, event(e, case.frequency_hz)) for e in self.after)
+        return replace(self, fault=fault, trip=trip, after=after)
 
     @property
     def opened(self) -> tuple[Place, ...]:
@@ -415,6 +416,11 @@ def _events(events: Event | str | Iterable[Event | str], name: str = "events") -
         elif not isinstance(item, Event):
             raise StudyError(f"{item!r} is not an event; write {SHOWN}, or give a record such as LoadStep.")
     return items
+
+
+def _called(case: Case, one: Event) -> Event:
+    """The event with what its machine is called."""
+    return replace(one, machine=case.machine(one.machine).called) if isinstance(one, TripMachine) else one
 
 
 def _tripped(one: Event | str) -> str:

@@ -15,7 +15,7 @@ from stabctl.model.location import Place, written
 from stabctl.model.naming import parse_circuit
 
 SHOWN = "7-8@1s (a line opens), 14@2s (a machine trips) or 7:+50MW@1s (a load changes)"
-_MACHINE = re.compile(r"\d{1,18}|(?!\d+\s*-\s*\d).+/.*", re.ASCII)
+_MACHINE = re.compile(r"(?:machine\s+)?(\d{1,18}|(?!\d+\s*-\s*\d).+/.*)", re.ASCII)
 _POWER = r"[+-]\d+(?:\.\d*)?(?:[eE][+-]?\d+)?"
 _LOAD = re.compile(rf"([^:]+):(?:({_POWER})\s*MW)?\s*(?:({_POWER})\s*Mvar)?", re.ASCII | re.IGNORECASE)
 
@@ -265,8 +265,8 @@ def _event(what: str, at: float) -> Event | None:
     if load and (load[2] or load[3]):
         bus = int(load[1]) if load[1].isdecimal() and len(load[1]) < 19 else load[1]
         return LoadStep(bus, at, float(load[2] or 0), float(load[3] or 0))
-    if _MACHINE.fullmatch(what):
-        return TripMachine(int(what) if what.isdecimal() else what, at)
+    if machine := _MACHINE.fullmatch(what):
+        return TripMachine(int(machine[1]) if machine[1].isdecimal() else machine[1], at)
     named = "-" in what and any(c.isalpha() for c in what)
     return Open(what, at) if named or parse_circuit(None, what) else None
 

@@ -67,7 +67,7 @@ class Outages:
         rows = tuple(dict.fromkeys(branches))
         tripped = dict.fromkeys((*machines, *self.cut_off(rows)))
         trip = tuple(naming.circuit(self.case, row) for row in rows)
-        later = (*(TripMachine(number, 0.0) for number in tripped), *after)
+        later = (*(TripMachine(self.case.called[number], 0.0) for number in tripped), *after)
         return Contingency(str(fault), trip=trip, impedance=impedance, after=later, events=tuple(events), name=name)
 
     def cut_off(self, branches: tuple[int, ...]) -> tuple[int, ...]:

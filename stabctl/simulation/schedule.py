@@ -94,8 +94,9 @@ class Schedule:
 def _rotor(point: "OperatingPoint", device: "Storage") -> int:
     """The number of the rotor whose speed the law reads."""
     if device.machine not in point.rotor_numbers:
+        called = point.case.called[device.machine]
         raise StudyError(
-            f"The storage at bus {device.bus} belongs to {device.machine}, which has no rotor in {point.case.name}, so "
+            f"The storage at bus {device.bus} belongs to {called}, which has no rotor in {point.case.name}, so "
             "no law can take over after the schedule; give law=None."
         )
     return point.rotor_numbers.index(device.machine)

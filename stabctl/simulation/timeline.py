@@ -82,7 +82,7 @@ class _State:
             case TripMachine(number):
                 row = self.case.machines.index(self.case.machine(number))
                 if row in self.tripped:
-                    raise StudyError(f"Machine {number} is tripped twice; remove one trip.")
+                    raise StudyError(f"Machine {self.case.machines[row].called} is tripped twice; remove one trip.")
                 self.tripped.add(row)
             case LoadStep(bus, _, p, q, id):
                 row = self._bus(bus)

@@ -200,7 +200,7 @@ def _families(
         return (holds,)
     own = _own(point)
     if (own < 0).any():
-        number = case.machines[unit[own < 0][0]].machine
+        number = case.machines[unit[own < 0][0]].called
         raise StudyError(
             f"The storage of machine {number} of {case.name} cannot be controlled by its speed, because it is a "
             "grid-following converter without a rotor; assign the storage to a machine or grid-forming converter."
@@ -237,11 +237,12 @@ def _groups(point: OperatingPoint, control: Law | None) -> Sequence[np.ndarray]:
     """Rotor units of the group of each rotor unit: that of the law, or itself alone."""
     numbers = list(point.rotor_numbers)
     found = [np.array([i]) for i in range(len(numbers))]
-    for group in control.groups if control is not None else ():
+    for group in control.numbers(point.case) if control is not None else ():
         for n in group:
-            point.case.machine(n)
             if n not in numbers:
-                raise StudyError(f"Unit {n} of {point.case.name} has no rotor; leave it out of the group.")
+                raise StudyError(
+                    f"Unit {point.case.called[n]} of {point.case.name} has no rotor; leave it out of the group."
+                )
         members = np.array([numbers.index(n) for n in group])
         for i in members:
             found[i] = members

@@ -13,6 +13,7 @@ from stabctl.dynamics.newton import FAR
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import Signal
 from stabctl.dynamics.violations import widen
+from stabctl.model import naming
 
 STILL = 1e-8  # 1/s and pu on 100 MVA   largest state derivative and current mismatch of an equilibrium
 NUDGE = 1e-8  # perturbation of every signal, which moves a value off a limit
@@ -43,8 +44,8 @@ def limited(point: OperatingPoint) -> None:
         if not par.floor < par.stored < par.capacity:
             what = "full" if par.stored >= par.capacity else "empty"
             raise LinearizationError(
-                f"The storage device {device.machine}@{device.bus} of {point.case.name} is {what}, so its power has no "
-                f"derivative; set its initial charge between 0 and 1."
+                f"The storage device {naming.device(point.case, device.machine, device.bus)} of {point.case.name} is "
+                f"{what}, so its power has no derivative; set its initial charge between 0 and 1."
             )
     rows = _jumps(point, None)
     if not len(rows):
@@ -91,8 +92,8 @@ def energies(point: OperatingPoint, signals: Iterable[Signal]) -> set[int]:
         device = point.case.storage[devices.index(k)]
         if device.efficiency < 1:
             raise LinearizationError(
-                f"The storage device {device.machine}@{device.bus} of {point.case.name} has losses, so its energy has "
-                "no derivative at rest; set its efficiency to 1, or read its power: absorbed."
+                f"The storage device {naming.device(point.case, device.machine, device.bus)} of {point.case.name} has "
+                "losses, so its energy has no derivative at rest; set its efficiency to 1, or read its power: absorbed."
             )
     return energy
 

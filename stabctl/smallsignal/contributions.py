@@ -24,7 +24,7 @@ from stabctl.model import naming
 
 from ._parameter_slopes import rows_of, vectors
 from .modes import Mode, Modes
-from .sensitivity import called, changes, equations_of, index
+from .sensitivity import changes, equations_of, index
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -162,7 +162,7 @@ def contributions(modes: Modes, mode: str | float | None = None) -> Contribution
         known = {j: key for key, j in rows_of(d.point, f.name).items()} if f.name in d.point.case.devices else {}
         for j, c in enumerate(found[first : first + len(f.w)].tolist()):
             if f.device.role not in UNITS and abs(c) > LEAST:
-                place = called(d.point.case, f.name, known[j]) if j in known else f.keys[j]
+                place = naming.called(d.point.case, f.name, known[j]) if j in known else f.keys[j]
                 rows.append(Contribution(f.name, place, f.device.role, *changes(s, 0.01 * c)))
         first += len(f.w)
     rows.sort(key=lambda row: -row.damping_ratio)

@@ -341,10 +341,7 @@ def _cycle(
     y = loop(s)[1] @ given
     hertz = 1e3 * point.case.frequency_hz
     scale = [(hertz, "mHz") if k.kind in SPEEDS else (1.0, k.unit) for k in signals]
-    shown = [
-        _component(f"{k.kind}:{k.place}" if k.place is not None else k.kind, c * value, unit)
-        for k, value, (c, unit) in zip(signals, y, scale, strict=True)
-    ]
+    shown = [_component(k.name, c * value, unit) for k, value, (c, unit) in zip(signals, y, scale, strict=True)]
     wanted = [_component(name, value) for name, value in zip(loop.names, one.wanted, strict=True)]
     swing = zip(loop.parts, np.abs(one.wanted), one.gains, strict=True)
     thirds = np.array([part.third(A) if gain else 0.0 for part, A, gain in swing])

@@ -181,7 +181,7 @@ class OpenedLoop:
         self._bent = np.concatenate([np.full(len(c.outputs), a is not None) for c, a in parts])
         self._signals = len(signals)
         self.parts: list[Nonlinearity] = [a for c, a in opened for _ in c.outputs]
-        self.names = [f"{c.controller.name}: {s.kind}:{s.place}" for c, _ in opened for s in c.outputs]
+        self.names = [f"{c.controller.name}: {s.name}" for c, _ in opened for s in c.outputs]
         closed = [c for c, a in zip(own, acts, strict=True) if a is None]
         self.poles = joined(plant_of(point, own), closed).modes().eigenvalues
 

@@ -12,6 +12,7 @@ import numpy as np
 from stabctl._util.errors import StudyError
 from stabctl.devices import models
 from stabctl.dynamics import operating_point
+from stabctl.model import naming
 from stabctl.model.case import Case
 
 from . import modes
@@ -81,7 +82,7 @@ def feedback_locus(linear: Linear, output: str | int, input: str | int, gains: I
 
 
 def parameter_locus(
-    case: Case, table: str, parameter: str, values: Iterable[float], machines: Sequence[int] | None = None
+    case: Case, table: str, parameter: str, values: Iterable[float], machines: Sequence[int | str] | None = None
 ) -> Locus:
     """Root locus of a device parameter; the case is initialized again for every value.
 
@@ -93,7 +94,7 @@ def parameter_locus(
         Device table and parameter, such as "pss" and "K".
     values : iterable of float
         Values of the parameter.
-    machines : sequence of int, optional
+    machines : sequence of int or str, optional
         Machines at which it varies; by default all that have the device.
 
     Returns
@@ -110,10 +111,10 @@ def parameter_locus(
         raise StudyError(f"{case.name} has no table {table!r}; it has {', '.join(case.devices)}.")
     if parameter not in models()[table].Par._fields:
         raise StudyError(f"{table} has no parameter {parameter!r}; it has {', '.join(models()[table].Par._fields)}.")
-    chosen = list(rows) if machines is None else list(machines)
+    chosen = list(rows) if machines is None else [case.machine(n).machine for n in machines]
     for number in chosen:
         if number not in rows:
-            raise StudyError(f"Machine {number} of {case.name} has no row in {table}.csv.")
+            raise StudyError(f"Machine {naming.called(case, table, number)} of {case.name} has no row in {table}.csv.")
 
     def model(value: float) -> Linear:
         changed = {n: par._replace(**{parameter: float(value)}) if n in chosen else par for n, par in rows.items()}

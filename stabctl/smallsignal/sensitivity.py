@@ -274,7 +274,7 @@ def _one_parameter(
     f, case = fields(devices.models()[model].Par)[name], of.point.case
     whole, half = (of.slopes(model, name, keys, step) for step in (STEP, STEP / 2))
     for key in keys:
-        a, b, place = whole[key], half[key], called(case, model, key)
+        a, b, place = whole[key], half[key], naming.called(case, model, key)
         value = float(getattr(case.devices[model][key], name))
         step = 0.01 * value if value else 0.01
         if isinstance(a, str) or isinstance(b, str):
@@ -289,15 +289,6 @@ def _one_parameter(
         else:
             rows.append(Effect(model, place, name, value, f.unit, step, *changes(s, ds)))
     return rows, left
-
-
-def called(case: Case, model: str, key: naming.Key) -> naming.Key:
-    """The key of a device with the name of its machine."""
-    if devices.models()[model].role in ("load", "shunt"):
-        return key
-    number = naming.number(key)
-    name = case.machine(number).called
-    return name if key == number else str(key).replace(str(number), str(name), 1)
 
 
 def changes(s: complex, ds: complex) -> tuple[float, float, float]:

@@ -96,15 +96,15 @@ class Equivalent:
         return equal_area(m, during_fault(m, m.seconds(cycles))[0], self.share * Pc)
 
 
-def equivalent(case: Case, machine: int) -> Equivalent:
+def equivalent(case: Case, machine: int | str) -> Equivalent:
     """The equivalent of one machine of a case and the COI of the others; its fault is bolted, at the machine's bus.
 
     Parameters
     ----------
     case : Case
         The system; its machines are replaced by classical ones.
-    machine : int
-        Number of the machine.
+    machine : int or str
+        Number or name of the machine.
 
     Returns
     -------
@@ -118,6 +118,7 @@ def equivalent(case: Case, machine: int) -> Equivalent:
         does not accelerate against the others.
     """
     first = case.machines.index(case.machine(machine))
+    called = case.machines[first].called
     net = network.build(case)
     island = network.islands(net)[net.machine_bus]
     own = np.arange(len(island)) == first
@@ -143,19 +144,19 @@ def equivalent(case: Case, machine: int) -> Equivalent:
     driving = power(start) - constant
     if not driving < Pmax * (1 - 1e-12):
         raise StudyError(
-            f"Machine {machine} of {case.name} has no synchronizing power with the other machines, so it has no "
+            f"Machine {called} of {case.name} has no synchronizing power with the other machines, so it has no "
             "equivalent; choose another machine."
         )
     Pfault = power(start, faulted) - constant
     for Pa, when in ((driving, "when no power flows between them"), (driving - Pfault, "in a fault at its bus")):
         if Pa <= 0:
             raise StudyError(
-                f"Machine {machine} of {case.name} slows down against the others {when}, so it has no equivalent; "
+                f"Machine {called} of {case.name} slows down against the others {when}, so it has no equivalent; "
                 "choose another machine."
             )
     if np.cos(start - gamma) <= 0:
         raise StudyError(
-            f"Machine {machine} of {case.name} operates beyond the peak of its power-angle curve, so it has no "
+            f"Machine {called} of {case.name} operates beyond the peak of its power-angle curve, so it has no "
             "equivalent; choose another machine."
         )
     of_case = {"base": case.base_mva, "fb": case.frequency_hz}

@@ -81,7 +81,7 @@ def test_one_machine_or_bad_pmu_is_enough_and_a_whole_rate_may_be_a_float():
     assert isinstance(Pmu(60.0).rate, int)
 
 
-@pytest.mark.parametrize("wrong", [{"missing": ("3",)}, {"missing": "3"}, {"missing": 3.5}, {"bad": 3}, {"bad": (3,)}])
+@pytest.mark.parametrize("wrong", [{"missing": (3.5,)}, {"missing": 3.5}, {"bad": 3}, {"bad": (3,)}])
 def test_what_is_no_machine_or_bad_pmu_is_refused(wrong):
     (name,) = wrong
     with pytest.raises(StudyError, match=rf"^{name} = .* is not allowed; give {name}="):

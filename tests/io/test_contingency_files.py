@@ -174,7 +174,7 @@ def test_a_machine_behind_its_transformer_is_named_where_it_is_accepted(case, tm
     named = replace(case, machines=(first._replace(name="5/B"), *others))
     path = tmp_path / "these.con"
     path.write_text(block("REMOVE MACHINE B FROM BUS 5"))
-    assert read_contingencies(path, named)[0].after == (TripMachine(1, 0.0),)
+    assert read_contingencies(path, named)[0].after == (TripMachine("5/B", 0.0),)
     path.write_text(block("REMOVE MACHINE 7 FROM BUS 5"))
     with pytest.raises(StudyError, match="has no machine 7 at bus 5; it has 5/B"):
         read_contingencies(path, named)

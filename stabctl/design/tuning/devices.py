@@ -158,17 +158,15 @@ def checked_noise(given: Any) -> float:
 # Stabilizers.
 
 
-def with_exciter(case: Case, machines: Iterable[int] | None) -> list[int]:
+def with_exciter(case: Case, machines: Iterable[int | str] | None) -> list[int]:
     """The machines that get a stabilizer: those named, or all with an exciter."""
     if machines is not None and (isinstance(machines, str) or not isinstance(machines, Iterable)):
         raise StudyError(f"machines = {shown(machines)} is not a list of machines; give [1, 2], for example.")
     found = [m.machine for m in case.machines if case.model(m.machine, "exciter")]
     numbers = found if machines is None else list(dict.fromkeys(case.machine(n).machine for n in machines))
-    for n in numbers:
-        if n not in found:
-            raise StudyError(
-                f"Machine {n} of {case.name} has no exciter, so it can have no stabilizer; choose other machines."
-            )
+    if others := [n for n in numbers if n not in found]:
+        what = f"Machine {case.called[others[0]]} of {case.name} has no exciter"
+        raise StudyError(f"{what}, so it can have no stabilizer; choose other machines.")
     if not numbers and found:
         raise StudyError("machines names no machine; leave it out for all with an exciter.")
     if not numbers:
@@ -188,7 +186,7 @@ def without_stabilizers(case: Case, numbers: Sequence[int]) -> Case:
 class Stabilizers(Device):
     """Stabilizers of exciters; see `stabilizers`."""
 
-    machines: Iterable[int] | None
+    machines: Iterable[int | str] | None
     model: str | None
     gain: float
     fast: float
@@ -206,10 +204,11 @@ class Stabilizers(Device):
         return [self._at(case, n) for n in with_exciter(case, self.machines)]
 
     def _at(self, case: Case, n: int) -> Tunable:
+        at = case.called[n]
         if self.model is None:
             filters = (Lag(self.noise_filter),) if self.noise_filter else ()
             structure: Any = self.shape.chain(self.gain, *filters)
-            return Tunable(structure, (f"speed:{n}",), f"vs:{n}", self.fast, limits=self.limits, noise=self.noise)
+            return Tunable(structure, (f"speed:{at}",), f"vs:{at}", self.fast, limits=self.limits, noise=self.noise)
         given = self._given(case, n)
         gain = MODELS[self.model].gain
         bounds = {gain: (SMALLEST * abs(self.gain), abs(self.gain))}
@@ -218,8 +217,8 @@ class Stabilizers(Device):
         starts = {k: abs(given[k]) or np.sqrt(np.prod(bounds[k])) for k in bounds}
         tuned = tuple(variable(k, "pu" if k == gain else "s", bounds[k], starts[k]) for k in bounds)
         structure = ModelBlock(self.model, given, tuned, float(np.sign(self.gain)))
-        inputs = tuple(f"{kind}:{n}" for kind in structure.reads)
-        return Tunable(structure, inputs, f"vs:{n}", self.fast, (0.0,), self.limits, n, self.noise)
+        inputs = tuple(f"{kind}:{at}" for kind in structure.reads)
+        return Tunable(structure, inputs, f"vs:{at}", self.fast, (0.0,), self.limits, n, self.noise)
 
     def _given(self, case: Case, n: int) -> dict[str, Any]:
         """Parameters of the model at a machine: those of the case, or typical ones."""
@@ -238,7 +237,7 @@ def parameters(case: Case, model: str | None, n: int) -> Any:
 
 
 def stabilizers(
-    machines: Iterable[int] | None = None,
+    machines: Iterable[int | str] | None = None,
     *,
     model: str | None = None,
     stages: int = 2,
@@ -260,7 +259,7 @@ def stabilizers(
 
     Parameters
     ----------
-    machines : iterable of int, optional
+    machines : iterable of int or str, optional
         Machines that get one; by default all with an exciter.
     model : {"pss", "ieeest", "pss2b"}, optional
         Packaged model: its gain and its stages are tuned, its other parameters stay as in the case, or typical.

@@ -270,7 +270,7 @@ def screen(ax: "Axes", line: OneLine, found: Screen, point: float) -> list[Label
 
 def siting(ax: "Axes", line: OneLine, found: Siting, point: float) -> list[Label]:
     """A square at every machine with storage, its area in proportion to the rating."""
-    row = _machines(line, [line.case.machine(s.machine).called for s in found.sites])
+    row = _machines(line, [s.machine for s in found.sites])
     mw = np.array([s.mw for s in found.sites])
     side = STORAGE[0] + (STORAGE[1] - STORAGE[0]) * np.sqrt(mw / mw.max(initial=1e-9))
     at = line.machines[row]

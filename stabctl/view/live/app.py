@@ -60,8 +60,9 @@ class Pages:
         clear = number(message, "clear", most=LONGEST)
         if machine is not None and type(machine) is not int:
             raise Wrong
-        found = answers.equal_area_answer(self.points.bare(level).case, machine, clear)
-        copy = commands.of_theory(self.load, level.level, found["machine"], clear)
+        case = self.points.bare(level).case
+        found = answers.equal_area_answer(case, machine, clear)
+        copy = commands.of_theory(self.load, level.level, case.called[found["machine"]], clear)
         return json.dumps(found | {"copy": copy}).encode()
 
     def save(self, message: dict[str, Any]) -> bytes:

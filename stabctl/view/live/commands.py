@@ -3,6 +3,7 @@
 import shlex
 from typing import NamedTuple
 
+from stabctl.model import naming
 from stabctl.model.case import Case
 
 from .state import FILE, State
@@ -57,24 +58,28 @@ def of_modes(load: Source, case: Case, level: float, gain: str, factor: float) -
     if level != 100:
         return found
     rows = case.devices[model].items()
-    options = [word for m, p in rows for word in ("--set", f"{model}.{m}.{name}={factor * getattr(p, name):.10g}")]
+    options = [
+        word
+        for m, p in rows
+        for word in ("--set", f"{model}.{naming.called(case, model, m)}.{name}={factor * getattr(p, name):.10g}")
+    ]
     return found | {"shell": shlex.join(["stabctl", "modes", *load.words, *options])}
 
 
-def of_theory(load: Source, level: float, machine: int, cycles: float) -> Lines:
+def of_theory(load: Source, level: float, machine: int | str, cycles: float) -> Lines:
     """The line of the equal areas of a machine."""
-    pair = f"equivalent({load.python}{_level(level)}, {machine})"
+    pair = f"equivalent({load.python}{_level(level)}, {machine!r})"
     area = f"from stabctl.theory.two_machine import equivalent; area = {pair}.equal_area({cycles:g})"
     return {"python": f"{load.before}{area}"}
 
 
-def fleet(case: Case, state: State) -> str | dict[int, str]:
+def fleet(case: Case, state: State) -> str | dict[int | str, str]:
     """The storage devices as `with_storage` takes them."""
     if not state.megawatts:
         return f"{state.percent:g}%mva"
     own = {m.machine: state.megawatts.get(m.machine) for m in case.machines}
     listed = {m: f"{state.percent:g}%mva" if mw is None else f"{mw:g}MW" for m, mw in own.items()}
-    return {m: text for m, text in listed.items() if (state.percent if own[m] is None else own[m])}
+    return {case.called[m]: text for m, text in listed.items() if (state.percent if own[m] is None else own[m])}
 
 
 def _level(level: float) -> str:
