@@ -145,7 +145,9 @@ class Controller:
         if self.tracking is not None and not np.size(self.A):
             raise StudyError(f"{self.name}: tracking keeps states of matrices from winding up, and there are none.")
         if self.tracking is not None and not self._limited:
-            raise StudyError(f"{self.name}: tracking acts at the limits of the output; give limits, such as limits=0.1.")
+            raise StudyError(
+                f"{self.name}: tracking acts at the limits of the output; give limits, such as limits=0.1."
+            )
         if self.ramp and rate is None:
             raise StudyError(f"{self.name}: a ramp limit needs a sampled controller; give a rate, such as rate=60.")
 
