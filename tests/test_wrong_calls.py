@@ -61,6 +61,10 @@ def test_records(call, says):
             lambda b: b.estimate(control=st.EstimatorControl(), estimator="ideal", pmu=st.Pmu()),
             "EstimatorControl has its own estimator and pmu; give it there",
         ),
+        (
+            lambda b: b.simulate(control=st.Controller("speed:1", "vs:1", [[-1]], [[1]], [[1]], [[0]], tracking=1)),
+            "controller: tracking acts at the limits of the outputs; give limits, such as limits=0.1",
+        ),
         (lambda b: b.margins(None), "None is not a Controller"),
         (lambda b: st.design.pairs(b, delay=[]), "delay = \\[\\] is not a time"),
         (lambda b: st.design.pairs(b, availability=3), "availability = 3 is not a dict"),

@@ -144,18 +144,8 @@ class Controller:
             raise StudyError(f"{self.name}: start gives the states of a Python function; matrices start at rest.")
         if self.tracking is not None and not np.size(self.A):
             raise StudyError(f"{self.name}: tracking keeps states of matrices from winding up, and there are none.")
-        if self.tracking is not None and not self._limited:
-            raise StudyError(
-                f"{self.name}: tracking acts at the limits of the output; give limits, such as limits=0.1."
-            )
         if self.ramp and rate is None:
             raise StudyError(f"{self.name}: a ramp limit needs a sampled controller; give a rate, such as rate=60.")
-
-    @property
-    def _limited(self) -> bool:
-        """Whether its outputs have limits, as storage orders always have; a ramp and a deadband count, too."""
-        orders = any(name == "order" or name.startswith(("order:", "order ")) for name in self.outputs)
-        return bool(np.isfinite(self.limits).any() or self.ramp or self.deadband or orders)
 
     @property
     def frames(self) -> int:

@@ -106,7 +106,9 @@ def _control(control: Any, estimator: EstimatorName | None, pmu: Pmu | None) -> 
     """The control with its estimator."""
     if isinstance(control, type):
         raise StudyError(f"control = {control.__name__} is a class; give an instance, {control.__name__}().")
-    given = {name: value for name, value in (("estimator", estimator), ("pmu", pmu)) if value is not None}
+    given: dict[str, Any] = {
+        name: value for name, value in (("estimator", estimator), ("pmu", pmu)) if value is not None
+    }
     if not isinstance(control, EstimatorControl):
         return EstimatorControl(BangBang() if control is None else control, **given)
     if given:

@@ -62,9 +62,11 @@ class TableBuilder:
         self.rows[table].append(row)
         self.places[table].append(place)
 
-    def leave(self, element: ElementKind, place: Any, *buses: int, id: str = "") -> None:
+    def leave(
+        self, element: ElementKind, place: Any, bus: int, to_bus: int = 0, third_bus: int = 0, id: str = ""
+    ) -> None:
         """Keep the name of an element that is out of service."""
-        self.add("out_of_service", OutOfService(element, *buses, id=id), place)
+        self.add("out_of_service", OutOfService(element, bus, to_bus, third_bus, id), place)
 
     def new_number(self) -> int:
         """A number that no bus and no machine has."""

@@ -371,7 +371,6 @@ def test_the_storage_of_a_tripped_machine_is_still_read(cases):
         (lambda: st.Controller.from_function(lambda seen: 0, "speed:1", "vs:1", start=[0.0]), "takes no states"),
         (lambda: st.Controller("speed:1", "vs:1", [], [], [], [[1]], start=(1.0,)), "states of a Python function"),
         (lambda: st.Controller("speed:1", "vs:1", [], [], [], [[1]], tracking=0.1), "there are none"),
-        (lambda: st.Controller.from_control(LAG, "speed:1", "vs:1", tracking=1), "tracking acts at the limits of the"),
     ],
 )
 def test_mistakes_in_a_controller(make, says):

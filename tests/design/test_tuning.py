@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from ringdown import modal_pole
 
+from stabctl._util.errors import StudyError
 from stabctl.design import damper, outages, pi, stabilizers, tune, values
 from stabctl.design.tuning.blocks import noise_size
 from stabctl.design.tuning.networks import networks

@@ -215,8 +215,8 @@ def _generators(net: Network) -> None:
         count[g.GEN_BUS] += 1
         id, dispatchable = str(count[g.GEN_BUS]), g.PMIN < 0 and g.PMAX == 0
         if not net.has(g.GEN_BUS, place, "GEN_BUS") or g.GEN_STATUS <= 0:
-            kind, called = ("load", f"G{id}") if dispatchable else ("machine", f"{g.GEN_BUS}/{id}")
-            net.leave(kind, place, g.GEN_BUS, id=called)
+            called = f"G{id}" if dispatchable else f"{g.GEN_BUS}/{id}"
+            net.leave("load" if dispatchable else "machine", place, g.GEN_BUS, id=called)
             continue
         if dispatchable:
             if g.PG or g.QG:
