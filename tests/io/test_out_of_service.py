@@ -1,5 +1,6 @@
 """What is out of service in a file: its name is kept, and contingencies and users that name it are told so."""
 
+import json
 import pickle
 from dataclasses import replace
 
@@ -135,4 +136,23 @@ def test_the_commands_say_what_is_left_out(stabctl, case, tmp_path):
     code, out, err = stabctl(*args)
     assert code == 0
     assert "contingency 'N2' is left out. (1 of 11 warnings; --verbose prints all.)" in err
+    found = json.loads(stabctl(*args, "--json")[1])["left_out"]
+    assert len(found) == 11
+    assert found[0].endswith("branch 1-3 ckt 2 is out of service in x; contingency 'N2' is left out.")
     assert "11 contingencies left out that name something out of service; the first: " in " ".join(out.split())
+
+
+def test_a_matpower_file_keeps_names_too(tmp_path):
+    (tmp_path / "two.m").write_text(
+        "function mpc = two\nmpc.version = '2';\nmpc.baseMVA = 100;\n"
+        "mpc.bus = [1 3 0 0 0 0 1 1 0 230 1 1.1 0.9; 2 1 50 0 0 0 1 1 0 230 1 1.1 0.9;\n"
+        "3 4 0 0 0 0 1 1 0 230 1 1.1 0.9];\n"
+        "mpc.gen = [1 50 0 99 -99 1 100 1 99 0; 2 0 0 99 -99 1 100 0 99 0; 2 -5 0 0 0 1 100 0 0 -5];\n"
+        "mpc.branch = [1 2 0 0.1 0 0 0 0 0 0 0 0; 1 2 0 0.1 0 0 0 0 0 0 1 0];\n"
+    )
+    case = st.load(tmp_path / "two.m")
+    assert [tuple(one) for one in case.out_of_service] == [
+        ("bus", 3, 0, 0, ""), ("branch", 1, 2, 0, "1"), ("machine", 2, 0, 0, "2/1"), ("load", 2, 0, 0, "G2"),
+    ]  # fmt: skip
+    with pytest.raises(StudyError, match="Branch 1-2 ckt 1 is out of service in two; in service is 1-2 ckt 2"):
+        st.Contingency("1", "6cyc", "1-2 ckt 1").check(case)
