@@ -53,6 +53,18 @@ def test_records(call, says):
         (lambda b: st.Gate(3), "signal = 3 does not name a signal"),
         (lambda b: st.Gate("voltage:7", magnitude="no"), "magnitude = 'no' is not allowed"),
         (lambda b: b.limit_cycles(3), "3 is not a Controller"),
+        (
+            lambda b: b.simulate(until="0.1s", record=False).arrays.swing,
+            "no signals: they were not recorded; leave out",
+        ),
+        (
+            lambda b: b.estimate(control=st.EstimatorControl(), estimator="ideal", pmu=st.Pmu()),
+            "EstimatorControl has its own estimator and pmu; give it there",
+        ),
+        (
+            lambda b: b.simulate(control=st.Controller("speed:1", "vs:1", [[-1]], [[1]], [[1]], [[0]], tracking=1)),
+            "controller: tracking acts at the limits of the outputs; give limits, such as limits=0.1",
+        ),
         (lambda b: b.margins(None), "None is not a Controller"),
         (lambda b: st.design.pairs(b, delay=[]), "delay = \\[\\] is not a time"),
         (lambda b: st.design.pairs(b, availability=3), "availability = 3 is not a dict"),

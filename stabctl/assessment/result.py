@@ -358,6 +358,7 @@ class Study(Tabular):
                     bound = "at least " if smallest.known_cycles is None else ""
                     least = f"; the smallest margin is {bound}{_cycles(smallest.cycles)}"
                 said.append(f"{case}: {number} survived with a clearing time of {self.guaranteed}, none lost{least}.")
+            said += self.screen.idle()
         if self.modes is not None:
             if few := self.poorly_damped:
                 which = f"of {BAND[0]:g} to {BAND[1]:g} Hz" + ", or growing," * bool(self.unstable)

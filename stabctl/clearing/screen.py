@@ -144,7 +144,9 @@ def screen(
     order = {one: k for k, one in enumerate(one for several in places.values() for one in several)}
     pairs.sort(key=lambda p: (_rank(p), order[p.contingency]))
     wall = time.perf_counter() - began
-    whole = Screen(point.case.name, tuple(pairs), found, search, point.case.frequency_hz, size, simulations, wall)
+    left_out = getattr(faults, "left_out", ())  # of a file
+    about = search, point.case.frequency_hz, size, simulations, wall, left_out
+    whole = Screen(point.case.name, tuple(pairs), found, *about)
     return whole if below is None else whole.below(below)
 
 

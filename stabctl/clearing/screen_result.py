@@ -57,6 +57,8 @@ class Screen:
         Number of simulations of the searches.
     wall_s : float, s
         Computing time.
+    left_out : tuple of str
+        A sentence about each contingency of a file that names something out of service.
 
     Examples
     --------
@@ -73,6 +75,7 @@ class Screen:
     screened: int
     simulations: int
     wall_s: float
+    left_out: tuple[str, ...] = ()
 
     plot = verb("stabctl.view.figures.clearing:plot_screen")
     report = verb("stabctl.view.pages.clearing_pages:write_screen")
@@ -207,7 +210,12 @@ class Screen:
             said.append(f"Left out because opening them splits the network: {', '.join(map(str, self.lines.bridges))}.")
         if self.lines.twins:
             said.append(f"Left out because a parallel circuit is identical: {', '.join(map(str, self.lines.twins))}.")
-        return tuple(said)
+        return (*said, *self.idle())
+
+    def idle(self) -> list[str]:
+        """How many contingencies are left out because they name something out of service, and the first of them."""
+        many = f"{counted(len(self.left_out), 'contingency')} left out that name something out of service; the first: "
+        return [(many if len(self.left_out) > 1 else "") + first for first in self.left_out[:1]]
 
     def __str__(self) -> str:
         first, *others = self.remarks()

@@ -11,6 +11,7 @@ from .parameters import Option
 if TYPE_CHECKING:
     from stabctl.clearing import ClearingTime, Screen
     from stabctl.model.case import Case
+    from stabctl.simulation.contingency import Contingency
 
 
 AFTER = "times count from the fault. Repeatable."
@@ -141,7 +142,9 @@ Subsystems = Annotated[
 ]
 
 
-def screened(faults: str | None, file: Path | None, subsystems: Path | None, usual: str) -> "Callable[[Case], Any]":
+def screened(
+    faults: str | None, file: Path | None, subsystems: Path | None, usual: str, verbose: bool
+) -> "Callable[[Case], Any]":
     """What --faults, --contingencies or neither mean for a case; raises `StudyError` at once if both are given."""
     from stabctl._util.errors import StudyError
     from stabctl.io.contingencies import read_contingencies
@@ -150,7 +153,13 @@ def screened(faults: str | None, file: Path | None, subsystems: Path | None, usu
         return lambda _: faults or usual
     if faults is not None:
         raise StudyError("--faults and --contingencies cannot be used together; give one of them.")
-    return lambda case: read_contingencies(file, case, subsystems)
+
+    def read(case: "Case") -> "tuple[Contingency, ...]":
+        found = read_contingencies(file, case, subsystems)
+        shared.warn(found.left_out, verbose)
+        return found
+
+    return read
 
 
 def screen(
@@ -182,7 +191,7 @@ def screen(
 
     if subsystems is not None and contingencies is None:
         raise StudyError("--subsystems applies only to --contingencies FILE.con; leave it out.")
-    chosen = screened(faults, contingencies, subsystems, "lines")
+    chosen = screened(faults, contingencies, subsystems, "lines", case.verbose)
     shared.file(out, ".csv")
     shared.folder(report)
     criteria = shared.criteria(by)
@@ -217,6 +226,7 @@ def _show_screen(found: "Screen", as_json: bool) -> None:
                 "pairs": [dict(zip(found.columns, row, strict=True)) for row in found.rows()],
                 "bridges": list(map(str, found.lines.bridges)),
                 "twins": list(map(str, found.lines.twins)),
+                "left_out": list(found.left_out),
                 "screened": found.screened,
                 "simulations": found.simulations,
                 "wall_s": found.wall_s,

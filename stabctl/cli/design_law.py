@@ -143,6 +143,7 @@ def _faults(
         raise StudyError("--trip applies only to --fault; leave it out with --contingencies or --from-screen.")
     if file is not None:
         every = read_contingencies(file, point.case)
+        shared.warn(every.left_out, verbose=True)
         if others := [c.label for c in every if c.fault is None]:
             shared.warn([f"A law is designed for faults; left out without one: {listed(others)}."], verbose=True)
         return tuple(c for c in every if c.fault is not None)

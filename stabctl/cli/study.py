@@ -78,7 +78,7 @@ def study(
         raise StudyError("--subsystems applies only to --contingencies FILE.con and --monitored; leave it out.")
     is_con = contingencies is not None and (monitored is None or contingencies.suffix.lower() == ".con")
     of_con = subsystems if is_con else None
-    chosen = screened(faults, contingencies, of_con, "lines, buses")
+    chosen = screened(faults, contingencies, of_con, "lines, buses", case.verbose)
     shared.file(out, ".xlsx", ".csv")
     shared.folder(report)
     loaded, given = case.load(), source(case)
@@ -128,7 +128,8 @@ def _show(found: "Study", as_json: bool) -> None:
         case = found.point.case
         head = {"case": case.name, "conventions": conventions.of(case), "secure": found.secure, "wall_s": found.wall_s}
         wanted = {"required_cycles": found.wanted.cycles, "required_damping": found.wanted.damping}
-        shared.print_json(head | wanted | {"remarks": found.remarks()} | record)
+        left_out = list(found.screen.left_out) if found.screen else []
+        shared.print_json(head | wanted | {"remarks": found.remarks(), "left_out": left_out} | record)
         return
     from rich.table import Table
 

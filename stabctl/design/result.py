@@ -115,7 +115,9 @@ class Design:
 
     @property
     def controller(self) -> Controller:
-        """The first controller."""
+        """The first controller. Raises `StudyError` if there is none."""
+        if not self.controllers:
+            raise StudyError("There is no controller: the result is values of the case, which its `case` has.")
         return self.controllers[0]
 
     @property

@@ -56,7 +56,10 @@ class Named:
 
 
 def named(point: OperatingPoint, c: Controller) -> Named:
-    """The signals of a controller in a case. Raises `StudyError` if one does not exist, or the matrices do not fit."""
+    """The signals of a controller in a case.
+
+    Raises `StudyError` if one does not exist, the matrices do not fit, or nothing limits what an anti-windup compares.
+    """
     case = point.case
     reads, drives = chosen(case, c.inputs, OUTPUTS), chosen(case, c.outputs, INPUTS)
     for signals, names in ((reads, c.inputs), (drives, c.outputs)):
@@ -72,7 +75,10 @@ def named(point: OperatingPoint, c: Controller) -> Named:
     rest = np.array([0.0 if s.kind == "frequency" else outputs.value(seen, s)(seen.s) for s in reads])
     names = tuple(s.name for s in reads)
     driven = {_machine(case, s) for s in drives}
-    return Named(c, reads, drives, names, rest, driven.pop() if len(driven) == 1 else None)
+    found = Named(c, reads, drives, names, rest, driven.pop() if len(driven) == 1 else None)
+    if c.tracking is not None and not (np.isfinite(found.limits).any() or c.deadband or c.ramp):
+        raise StudyError(f"{c.name}: tracking acts at the limits of the outputs; give limits, such as limits=0.1.")
+    return found
 
 
 def _machine(case: Case, signal: Signal) -> int | None:

@@ -32,7 +32,7 @@ def estimate(
     *,
     storage: "Fleet | None" = None,
     control: Control | EstimatorControl = None,
-    estimator: EstimatorName = "kalman",
+    estimator: EstimatorName | None = None,
     pmu: Pmu | None = None,
     seeds: int | Iterable[int] | None = None,
     step: str | float | None = None,
@@ -53,9 +53,9 @@ def estimate(
         Storage devices in place of the case's own, as in `simulate`.
     control : control law, Controller, list of them, or EstimatorControl, optional
         The control law of the storage devices, with estimated speeds, `BangBang()` by default, and controllers. An
-        `EstimatorControl` also says which estimator and PMUs it uses; `estimator` and `pmu` are then ignored.
-    estimator : {"ideal", "frequency", "kinematic", "kalman"}
-        How the speeds are estimated.
+        `EstimatorControl` also says which estimator and PMUs it uses; `estimator` and `pmu` are then left out.
+    estimator : {"ideal", "frequency", "kinematic", "kalman"}, optional
+        How the speeds are estimated; "kalman" by default.
     pmu : Pmu, optional
         Rate, noise, latency and losses of the PMUs.
     seeds : int or iterable of int, optional
@@ -102,10 +102,15 @@ def estimate(
     return replace(loop.estimates(), runs=tuple(s.finish() for s in simulations), cleared_s=last)
 
 
-def _control(control: Any, estimator: EstimatorName, pmu: Pmu | None) -> EstimatorControl:
+def _control(control: Any, estimator: EstimatorName | None, pmu: Pmu | None) -> EstimatorControl:
     """The control with its estimator."""
     if isinstance(control, type):
         raise StudyError(f"control = {control.__name__} is a class; give an instance, {control.__name__}().")
-    if isinstance(control, EstimatorControl):
-        return control
-    return EstimatorControl(BangBang() if control is None else control, estimator, Pmu() if pmu is None else pmu)
+    given: dict[str, Any] = {
+        name: value for name, value in (("estimator", estimator), ("pmu", pmu)) if value is not None
+    }
+    if not isinstance(control, EstimatorControl):
+        return EstimatorControl(BangBang() if control is None else control, **given)
+    if given:
+        raise StudyError(f"EstimatorControl has its own {' and '.join(given)}; give it there: EstimatorControl(...).")
+    return control

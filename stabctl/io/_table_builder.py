@@ -14,7 +14,7 @@ from stabctl._util.errors import CaseError
 from stabctl.model import naming, powerflow, tables
 from stabctl.model.case import Case
 from stabctl.model.checks import RowError
-from stabctl.model.tables import Branch, Bus, Tables
+from stabctl.model.tables import Branch, Bus, ElementKind, OutOfService, Tables
 
 from ._lexer import Place
 
@@ -47,7 +47,9 @@ class TableBuilder:
     def __init__(self, base_mva: float) -> None:
         self.base_mva = base_mva
         self.no_impedance = NO_IMPEDANCE * base_mva / 100
-        self.rows: dict[str, list[Any]] = {"buses": [], "branches": [], "machines": [], "loads": []}
+        self.rows: dict[str, list[Any]] = {
+            table: [] for table in ("buses", "branches", "machines", "loads", "out_of_service")
+        }
         self.places: dict[str, list[Any]] = {table: [] for table in self.rows}
         self.corrections: list[str] = []
         self.at: dict[int, int] = {}  # row of every bus in service
@@ -59,6 +61,12 @@ class TableBuilder:
             self.at[row.bus] = len(self.at)
         self.rows[table].append(row)
         self.places[table].append(place)
+
+    def leave(
+        self, element: ElementKind, place: Any, bus: int, to_bus: int = 0, third_bus: int = 0, id: str = ""
+    ) -> None:
+        """Keep the name of an element that is out of service."""
+        self.add("out_of_service", OutOfService(element, bus, to_bus, third_bus, id), place)
 
     def new_number(self) -> int:
         """A number that no bus and no machine has."""
@@ -122,12 +130,14 @@ class TableBuilder:
         self.corrections.append(f"{place}: the {noun} at bus {bus} are {text}")
 
     def leave_out(self, buses: set[int]) -> None:
-        """Remove buses with everything at them."""
-        for table, rows in self.rows.items():
-            end = "from_bus" if table == "branches" else "bus"
-            kept = [i for i, row in enumerate(rows) if getattr(row, end) not in buses]
-            self.rows[table] = [rows[i] for i in kept]
-            self.places[table] = [self.places[table][i] for i in kept]
+        """Remove buses with everything at them; of buses and machines, the names are kept."""
+        for table, end in (("branches", "from_bus"), ("loads", "bus"), ("machines", "bus"), ("buses", "bus")):
+            found = list(zip(self.rows[table], self.places[table], strict=True))
+            kept = [(row, place) for row, place in found if getattr(row, end) not in buses]
+            self.rows[table], self.places[table] = ([one[k] for one in kept] for k in (0, 1))
+            for row, place in found:
+                if end == "bus" and row.bus in buses and table != "loads":
+                    self.leave("machine" if table == "machines" else "bus", place, row.bus, id=row.name)
         self.at = {b.bus: i for i, b in enumerate(self.rows["buses"])}
 
     def idle(self) -> None:

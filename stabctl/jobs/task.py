@@ -167,7 +167,9 @@ def _unpacked(shared: bytes) -> Any:
 
 def fingerprint(case: Case) -> str:
     """SHA-256 of the content of a case, wherever it was read from, and of the user's own devices in it."""
-    given: dict[str, Any] = {name: [row._asdict() for row in getattr(case, name)] for name in TABLES}
+    given: dict[str, Any] = {
+        name: [row._asdict() for row in getattr(case, name)] for name in TABLES if name != "out_of_service"
+    }
     given |= {name: getattr(case, name) for name in ("name", "base_mva", "frequency_hz")}
     given["devices"] = {
         model: [[number, par._asdict()] for number, par in rows.items()] for model, rows in case.devices.items()

@@ -26,7 +26,7 @@ class Case(Tables):
     devices : mapping of str to mapping
         For each model (`genrou`, `pss` ...) a mapping from key to parameters. The key is the machine number, or the bus
         number for load models; the second device of a model at machine 2 has the key "2#2".
-    loads, links, storage : iterable of Load, Link, Storage
+    loads, links, storage, out_of_service : iterable of Load, Link, Storage, OutOfService
         More tables, which may be empty.
     base_mva : float, MVA
         System base.
@@ -89,6 +89,8 @@ class Case(Tables):
                 return m
         numbers = ", ".join(str(m.called) for m in self.machines)
         wanted = number.strip() if isinstance(number, str) else shown(number)
+        if said := naming.idle(self, "machine", id=wanted):
+            raise StudyError(f"{said}; its machines are {numbers}.")
         raise StudyError(f"There is no machine {wanted} in {self.name}; its machines are {numbers}.")
 
     check = verb("stabctl.model.unusual:check")

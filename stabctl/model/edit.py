@@ -15,7 +15,7 @@ from stabctl._util.wording import near
 
 from . import fleet, naming, tables
 from .case import Case
-from .tables import TABLES, Load
+from .tables import TABLES, Load, OutOfService
 
 ABOUT = {"name": "-", "title": "-", "source": "-", "base_mva": "MVA", "frequency_hz": "Hz"}  # of case.toml -> unit
 
@@ -350,7 +350,8 @@ def trip_machine(case: Case, number: int) -> Case:
         for model, rows in case.devices.items()
     }
     storage = tuple(s for s in case.storage if s.machine != number)
-    return replace(case, buses=buses, machines=machines, devices=devices, storage=storage)
+    out = (*case.out_of_service, OutOfService("machine", machine.bus, id=str(machine.called)))
+    return replace(case, buses=buses, machines=machines, devices=devices, storage=storage, out_of_service=out)
 
 
 def classical(case: Case) -> Case:

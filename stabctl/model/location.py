@@ -28,6 +28,9 @@ class Location(NamedTuple):
 
 def _no_branch(case: Case, a: int, b: int) -> str:
     missing = {a, b} - {k.bus for k in case.buses}
+    idle = (naming.idle(case, "bus", [bus]) for bus in sorted(missing))
+    if said := naming.idle(case, "branch", (a, b)) or next(filter(None, idle), ""):
+        return f"{said}, so there is no branch {a}-{b}."
     if missing:
         bus, others = min(missing), near(str(min(missing)), (str(k.bus) for k in case.buses))
         return f"There is no branch {a}-{b} in {case.name}, because there is no bus {bus}; {others}"
@@ -47,6 +50,8 @@ def read(case: Case, text: str) -> Place:
     text = text.strip()
     if (number := naming.bus_number(case, text)) is not None:
         return str(number)
+    if said := naming.idle(case, "bus", id=text):
+        raise StudyError(f"{said}; choose another location.")
     if _NUMBER.fullmatch(text):
         raise StudyError(f"There is no bus {text} in {case.name}; {near(text, (str(b.bus) for b in case.buses))}")
     if (found := _circuit(case, text)) is None:
@@ -103,6 +108,9 @@ def _circuit_row(case: Case, wanted: Circuit) -> int:
     if rows := naming.circuit_rows(case, wanted):
         return rows[0]
     among = naming.circuit_rows(case, wanted._replace(place=None, id=None))
+    if among and (said := naming.idle_circuit(case, wanted)):
+        known = ", ".join(str(naming.circuit(case, row)) for row in among)
+        raise StudyError(f"{said}; in service is {known}.")
     if not among:
         raise StudyError(_no_branch(case, a, b))
     if wanted.id is None:

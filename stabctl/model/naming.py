@@ -14,7 +14,7 @@ from stabctl._util.errors import StudyError, shown
 from stabctl._util.wording import near, numbered
 
 from . import tables
-from .tables import TABLES, Branch, Bus, Key, Tables
+from .tables import TABLES, Branch, Bus, Key, OutOfService, Tables
 
 STORAGE = "ESD "  # begins the names of storage devices in messages: ESD 1@2
 _NOUNS = {
@@ -24,6 +24,7 @@ _NOUNS = {
     "loads": "load at bus",
     "links": "HVDC link",
     "storage": "storage device",
+    "out_of_service": "element out of service at bus",
 }
 REPEATED = re.compile(r"([1-9][0-9]{0,17})#([2-9]|[1-9][0-9]{1,8})")
 _CIRCUIT = re.compile(r"(.+?)\s*(?:#\s*([0-9]{1,9})|(?<![^\s0-9])ckt\s*(\S.*))?", re.IGNORECASE)
@@ -90,9 +91,12 @@ def row(case: Tables, table: str, key: Key) -> int:
     for name, place in ((wanted, ""), *_PLACED.findall(wanted)):  # 30/1#2 is a device, 30/1@33 storage
         if (same := f"{find(case, name)}{place}") in known:
             return known[same]
+    names = [str(called(case, table, k)) for k in keys(case, table)]
+    of_circuit = table == "branches" and idle_circuit(case, parse_circuit(case, wanted))
+    if said := of_circuit or idle(case, _NOUNS.get(table, ""), id=wanted):
+        raise StudyError(f"{said}; {near(wanted, names)}")
     name = wanted if len(wanted) <= 40 else f"{wanted[:36]}..."
     what = f"{_NOUNS[table]} {name}" if table in _NOUNS else f"{table} at {name}"
-    names = (str(called(case, table, k)) for k in keys(case, table))
     raise StudyError(f"{case.name} has no {what}; {near(wanted, names)}")
 
 
@@ -205,6 +209,35 @@ def bus_number(case: Tables, name: object) -> int | None:
         return int(text) if text.isascii() and len(text) < 19 and int(text) in case.row_of_bus else None
     found = [b.bus for b in case.buses if b.name and _plain(b.name) == text]
     return found[0] if len(found) == 1 else None
+
+
+def idle(case: Tables, element: str, ends: Iterable[int] = (), id: str | None = None) -> str:
+    """A clause that says which element, at these buses or with this name, is out of service; empty if none is."""
+    ends, name = {*ends}, None if id is None else _plain(id)
+    for one in case.out_of_service:
+        number = {"bus": str(one.bus), "machine": one.id.partition("/")[0]}.get(element, one.id)
+        known = name in (None, _plain(one.id), _plain(number))
+        if one.element == element and known and (not ends or ends == {one.bus, one.to_bus, one.third_bus} - {0}):
+            return f"{_called(one)} is out of service in {case.name}"
+    return ""
+
+
+def idle_circuit(case: Tables, wanted: Circuit | None) -> str:
+    """The same of a circuit; its place among those between its buses may be its identifier."""
+    if wanted is None:
+        return ""
+    return idle(case, "branch", wanted[:2], wanted.id if wanted.place is None else str(wanted.place))
+
+
+def _called(one: OutOfService) -> str:
+    """The name of an element, as a sentence begins."""
+    match one.element:
+        case "branch":
+            ends = "-".join(str(bus) for bus in (one.bus, one.to_bus, one.third_bus) if bus)
+            return f"Branch {ends}" + (f" ckt {quoted(one.id)}" if one.id else "")
+        case "bus" | "machine":
+            return f"Bus {one.bus}" if one.element == "bus" else f"Machine {one.id}"
+    return f"{one.element.capitalize()} {one.id}".rstrip() + f" at bus {one.bus}"
 
 
 def _plain(name: object) -> str:

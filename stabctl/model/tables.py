@@ -19,6 +19,7 @@ from stabctl.devices.storage import MODELS, StorageModel
 
 Key = int | str
 LoadKind = Literal["load", "injection", "hvdc"]
+ElementKind = Literal["bus", "branch", "machine", "load", "shunt"]
 Characteristic = Literal["power", "current", "conductance"]
 LEFT_BY = {"converter": ("exciter", "governor", "stabilizer"), "machine": OF_CONVERTER}  # role -> controls
 UNIT_ROLES = ("machine", "converter")  # every row of machines.csv has exactly one model with one of these
@@ -140,8 +141,26 @@ class Storage(NamedTuple):
         return MODELS[self.storage_model].device
 
 
+class OutOfService(NamedTuple):
+    """An element that is out of service: its name is known, and nothing else of it is in the case."""
+
+    element: Annotated[ElementKind, "-", "kind of the element"]
+    bus: Annotated[int, "-", "its bus, or the first one", POSITIVE]
+    to_bus: Annotated[int, "-", "bus at the other end of a branch", NOT_NEGATIVE] = 0
+    third_bus: Annotated[int, "-", "third bus of a transformer with three windings", NOT_NEGATIVE] = 0
+    id: Annotated[str, "-", "identifier; of a bus or machine the name"] = ""
+
+
 TABLES: Mapping[str, type] = MappingProxyType(
-    {"buses": Bus, "branches": Branch, "machines": Machine, "loads": Load, "links": Link, "storage": Storage}
+    {
+        "buses": Bus,
+        "branches": Branch,
+        "machines": Machine,
+        "loads": Load,
+        "links": Link,
+        "storage": Storage,
+        "out_of_service": OutOfService,
+    }
 )
 
 
@@ -157,6 +176,7 @@ class Tables:
     loads: tuple[Load, ...] = ()
     links: tuple[Link, ...] = ()
     storage: tuple[Storage, ...] = ()
+    out_of_service: tuple[OutOfService, ...] = ()
     base_mva: float = 100.0
     frequency_hz: float = 60.0
     title: str = ""

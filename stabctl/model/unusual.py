@@ -251,9 +251,14 @@ def _network(case: Case) -> dict[str, Rows]:
     models, infinite = tables.of_role(*tables.UNIT_ROLES), _infinite(case)
     modeled = {naming.number(key) for model in models for key in case.devices.get(model, {})} - infinite
     found["machines"], total = {}, sum(m.base for m in case.machines)
+    shared: dict[int, float] = defaultdict(float)  # MVA of the machines at a bus, which share a transformer
+    for m in case.machines:
+        shared[m.bus] += m.base
     for m, s in zip(case.machines, np.abs(S).tolist(), strict=True):
         rated = {"loading": s * case.base_mva / m.base} if m.base != case.base_mva else {}
-        step_up = {"x of its transformer": at[m.bus][0].x * m.base / case.base_mva} if len(at[m.bus]) == 1 else {}
+        step_up = (
+            {"x of its transformer": at[m.bus][0].x * shared[m.bus] / case.base_mva} if len(at[m.bus]) == 1 else {}
+        )
         found["machines"] |= {f"machine {m.called}": rated | step_up} if m.machine in modeled else {}
     known = modeled and not infinite and any(m.base != case.base_mva for m in case.machines)
     loads = zip(naming.keys(case, "loads"), case.loads, strict=True)

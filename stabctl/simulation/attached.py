@@ -2,11 +2,13 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from stabctl._util.errors import StudyError, shown
+from stabctl._util.wording import enumerated
 from stabctl.controllers.controller import Controller
 from stabctl.controllers.realization import Matrices, anti_windup
 from stabctl.devices.sensors import bus_angle, bus_voltage, line_current, line_power
@@ -23,6 +25,7 @@ from . import center, frame, lti
 from . import gate as gates
 
 NONE = np.zeros((0, 0))
+ANYWHERE = 0.37 + 1.93j  # where a transfer function is evaluated that is zero everywhere or almost nowhere
 BOUND = 1e300  # in place of an infinite limit, which must not be multiplied by zero
 
 
@@ -37,6 +40,32 @@ class Attached:
     windows: tuple[tuple[int, float, float], ...] = ()  # place of a flag, its start and end, s
     measured: tuple["Measured", ...] = ()
     gates: tuple[int, ...] = ()  # places of the flags of gates
+    units: tuple[np.ndarray, ...] = ()  # of every controller, the unit of each input, -1: none or several
+
+    def without(self, off_s: np.ndarray) -> tuple[str, ...]:
+        """A sentence for each controller whose outputs elsewhere follow signals of units that went off (units, s)."""
+        return tuple(filter(None, map(partial(_without, self.point, off_s), self.named, self.units)))
+
+
+def _without(point: OperatingPoint, off_s: np.ndarray, c: Named, units: np.ndarray) -> str:
+    """The sentence about a controller; empty if its outputs elsewhere follow no such signal."""
+    off, machines = np.isfinite(off_s), point.case.machines
+    gone = (units >= 0) & off[units]
+    if c.controller.law is not None or not gone.any():
+        return ""
+    lost = {m.machine for m, out in zip(machines, off, strict=True) if out}
+    own = (INPUTS[s.kind].place in ("machine", "device") and int(str(s.place).split("@")[0]) for s in c.outputs)
+    on = [number not in lost for number in own]
+    A, B, C, D = c.undelayed
+    gain = D + C @ np.linalg.solve(ANYWHERE * np.eye(len(A)) - A, B)
+    if not gain[on][:, gone].any():
+        return ""
+    rows = np.unique(units[gone]).tolist()
+    names, first = enumerated("machine", [machines[row].called for row in rows]), off_s[rows].min()
+    return (
+        f"{c.controller.name} reads {names}, off from {first:.3f} s: the signals from there count as at rest, and its "
+        "design, which is for all machines in service, does not hold any more."
+    )
 
 
 @dataclass(frozen=True)
@@ -165,7 +194,8 @@ class _Attachment:
         windows = tuple((final(at), start, end) for at, start, end in self.windows)
         measured = tuple(Measured(c, np.array([final(r) for r in reads], int)) for c, reads in self.measured)
         gates_at = tuple(final(at) for at in self.flags)
-        return Attached(point, tuple(self.controllers), self.rates, tuple(called), windows, measured, gates_at)
+        units = tuple(np.array(self._units(c), int) for c in self.controllers)
+        return Attached(point, tuple(self.controllers), self.rates, tuple(called), windows, measured, gates_at, units)
 
     def _drive(self, c: Named) -> tuple[list[int], int, int]:
         """What the outputs of a controller are added to, the place of the first of the sums, and its owner."""

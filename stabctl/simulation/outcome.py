@@ -332,6 +332,7 @@ class ControlLoop(NamedTuple):
     trusted: bool  # whether the step is short enough
     apart: bool  # orders and the accelerations they cause did not agree somewhere
     chatter: bool  # orders jumped in step after step
+    without: tuple[str, ...]  # sentences about controllers that read machines that are off
 
     def __str__(self) -> str:
         """Sentences on what makes the run doubtful; empty if nothing does."""
@@ -357,7 +358,7 @@ class ControlLoop(NamedTuple):
                 "The orders jumped in step after step, and when they jump depends on the step of the run; widen the "
                 "deadband of the law, or reduce its gain."
             )
-        return " ".join(said)
+        return " ".join((*said, *self.without))
 
 
 class Stalled(NamedTuple):

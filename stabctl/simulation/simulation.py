@@ -287,7 +287,8 @@ class Simulation:
         """The loop that the control closes."""
         apart, chatter = (bool(self._run.notes[note]) for note in (NOTE.open, NOTE.chatter))
         loop = self.setup.closed
-        return ControlLoop(*loop, self.step, steps.trusted(self.step, loop.fastest), apart, chatter)
+        trusted, without = steps.trusted(self.step, loop.fastest), self.attached.without(self._off)
+        return ControlLoop(*loop, self.step, trusted, apart, chatter, without)
 
     def _cycling(self) -> dict[str, float]:
         """Storage devices whose orders reverse without end, or faster than machines swing.

@@ -81,7 +81,9 @@ class Trajectory:
 
     @cached_property
     def arrays(self) -> "Arrays":
-        """The signals as plain arrays."""
+        """The signals as plain arrays. Raises `StudyError` if they were not recorded."""
+        if not len(self.rows):
+            raise StudyError("The run has no signals: they were not recorded; leave out record=False.")
         return Arrays(self.point, self.rows)
 
     @cached_property

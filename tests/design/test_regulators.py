@@ -32,6 +32,24 @@ def late(base):
     return lqg(base, rate=60, delay="50ms")
 
 
+@pytest.mark.parametrize("behind", [False, True])
+def test_a_run_says_once_that_a_regulator_has_lost_a_machine(base, measured, late, behind):
+    """Not of controllers each of whose outputs follows one machine, and not if none trips."""
+    lost = st.TripMachine(3, "0.5s"), st.TripMachine(4, "0.6s")
+    gains = 10 * np.eye(4)
+    own = st.Controller("deviation", "order", [], [], [], gains, name="own")
+    several = [measured.controller, own] if behind else [lqr(base).controller, late.controller, own]
+    control = st.EstimatorControl(several, "ideal") if behind else several
+    names = [c.name for c in several if c is not own]
+    said = base.simulate(lost, "0.7s", control=control).outcome.message
+    for name in names:
+        assert said.count(f"{name} reads machines 3, 4, off from 0.500 s: ") == 1
+    assert said.count(" does not hold any more.") == len(names)
+    assert "hold any more" not in base.simulate(st.LoadStep(7, "0.1s", 10.0), "0.7s", control=control).outcome.message
+    mixed = replace(own, D=gains + np.eye(4, k=-1))  # the order at machine 4 follows machine 3, too
+    assert "own reads machine 3, off" in base.simulate(lost[0], "0.6s", control=mixed).outcome.message
+
+
 @pytest.fixture(scope="module")
 def whole():
     """Options -> a regulator of an uneven system, all of whose states it estimates."""

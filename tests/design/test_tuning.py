@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from ringdown import modal_pole
 
+from stabctl._util.errors import StudyError
 from stabctl.design import damper, outages, pi, stabilizers, tune, values
 from stabctl.design.tuning.blocks import noise_size
 from stabctl.design.tuning.networks import networks
@@ -419,6 +420,8 @@ def test_parameters_of_the_case_are_tuned(cases):
     assert worst[1] == pytest.approx(found.damping, abs=1e-6)
     assert worst[1] > worst[0] + 0.02
     assert not found.controllers
+    with pytest.raises(StudyError, match="There is no controller: the result is values of the case"):
+        _ = found.controller
     assert str(found).startswith("Worst of all networks")
     assert "not reached" not in str(found)
     assert "The required damping is not reached, short by up to 0.01" in str(replace(found, short=0.01))

@@ -117,4 +117,4 @@ def test_a_relative_folder_is_named_as_given(folder, monkeypatch):
 def test_every_table_of_the_format_is_exercised_by_some_packaged_case_or_test():
     seen = {path.stem for path in PACKAGED.glob("*/*.csv")}
     tried = {model for kind in (KINDS | LIBRARY).values() for model in kind}  # tests/dynamics
-    assert seen | tried | {"storage", "exponential", "csvgn1"} == set(TABLES) | set(devices.models())
+    assert seen | tried | {"storage", "out_of_service", "exponential", "csvgn1"} == set(TABLES) | set(devices.models())

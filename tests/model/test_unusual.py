@@ -84,6 +84,20 @@ def test_a_wrong_unit_or_base_is_named(cases, path, value, says):
     assert row.value < row.low or row.value > row.high
 
 
+@pytest.mark.parametrize(("x", "named"), [(0.15, False), (1.5, True)])
+def test_a_transformer_is_judged_by_all_machines_that_share_it(x, named):
+    """Its x on the base of a unit is the same if the unit is divided into ten: 0.15 pu of 900 MVA, 0.015 pu of 90."""
+    case = st.load("two_area").set("branches.1-5.x", x / 9)
+    one = next(m for m in case.machines if m.machine == 1)
+    parts = 1, *range(101, 110)
+    units = [one._replace(machine=k, base=one.base / 10, p=one.p / 10, q=one.q / 10) for k in parts]
+    devices = {model: dict(rows) | dict.fromkeys(parts, rows[1]) for model, rows in case.devices.items()}
+    divided = replace(case, machines=(*units, *(m for m in case.machines if m is not one)), devices=devices)
+    for system, number in ((case, 1), (divided, 10)):
+        found = [f.value for f in system.check(balance=False).findings if f.quantity == "x of its transformer"]
+        assert found == pytest.approx([x] * number * named)
+
+
 @pytest.mark.parametrize("rule", unusual.usual(), ids=lambda rule: f"{rule.of} {rule.quantity}")
 def test_a_rule_is_silent_inside_its_range_and_speaks_outside(monkeypatch, rule):
     """Values at the bounds and those with a meaning of their own are usual."""

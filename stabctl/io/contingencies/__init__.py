@@ -5,17 +5,16 @@ from pathlib import Path
 from stabctl._util.errors import StudyError
 from stabctl._util.files import path_of
 from stabctl.model.case import Case, as_case
-from stabctl.simulation.contingency import Contingency
 
 from . import toml
-from .con import read_con
+from .con import Contingencies, read_con
 from .monitored import Monitored, read_mon
 from .subsystems import Subsystems
 
-__all__ = ["Monitored", "monitored", "read_contingencies"]
+__all__ = ["Contingencies", "Monitored", "monitored", "read_contingencies"]
 
 
-def read_contingencies(path: str | Path, case: Case, subsystems: str | Path | None = None) -> tuple[Contingency, ...]:
+def read_contingencies(path: str | Path, case: Case, subsystems: str | Path | None = None) -> Contingencies:
     """The contingencies of a file.
 
     Parameters
@@ -29,8 +28,9 @@ def read_contingencies(path: str | Path, case: Case, subsystems: str | Path | No
 
     Returns
     -------
-    tuple of Contingency
-        Those of a CON file without clearing times.
+    Contingencies
+        A tuple of `Contingency`; those of a CON file are without clearing times. Its `left_out` has a sentence about
+        each that names something out of service.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def read_contingencies(path: str | Path, case: Case, subsystems: str | Path | No
         raise StudyError(
             f"The subsystems {subsystems} belong to contingencies in a file ending in .con, not to {path}."
         )
-    return toml.read(path, case)
+    return Contingencies(toml.read(path, case))
 
 
 def monitored(path: str | Path, case: Case, subsystems: str | Path | None = None) -> Monitored:

@@ -1,12 +1,13 @@
 """Contingencies that a CON file of PSS/E asks for by subsystem: every branch, pairs of them, every machine or bus."""
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from itertools import combinations
 
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.outage import Element, Outages
 
-from .statements import Form, Statement, Word, bus, circuits, understood
+from .statements import Form, OutOfService, Statement, Word, bus, circuits, understood
 from .subsystems import Subsystems, named
 
 OF = "SUBSYSTEM|SYSTEM <name>"
@@ -30,6 +31,7 @@ class Automatic:
         self.outages, self.case, self.subsystems = outages, outages.case, subsystems
         self.asked: list[tuple[Statement, str, list[Word]]] = []
         self.skipped: set[int] = set()
+        self.left_out: list[str] = []  # statements that name a bus that is out of service
 
     def skip(self, opened: Statement, statements: Iterator[Statement]) -> None:
         """Read the branches of a SKIP ... END block, which are in no automatic contingency. Raises `StudyError`."""
@@ -37,8 +39,9 @@ class Automatic:
             if statement.ends:
                 return
             _, words = understood(statement, SKIPPED)
-            ends = [bus(statement, self.case, word) for word in words[:2]]
-            self.skipped |= {*circuits(statement, self.case, ends, words[2] if len(words) > 2 else None)}
+            with suppress(OutOfService):  # no contingency has it
+                ends = [bus(statement, self.case, word) for word in words[:2]]
+                self.skipped |= {*circuits(statement, self.case, ends, words[2] if len(words) > 2 else None)}
         raise opened.error("it has no END.")
 
     def add(self, statement: Statement, kind: str, words: list[Word]) -> None:
@@ -49,7 +52,11 @@ class Automatic:
         """The contingencies asked for, each element or pair once. Raises `StudyError`."""
         found: dict[str, list[Contingency]] = {}
         for statement, kind, words in self.asked:
-            several = list(self._combined(statement, kind, words))
+            try:
+                several = list(self._combined(statement, kind, words))
+            except OutOfService as error:
+                self.left_out.append(f"{error}; its contingencies are left out.")
+                continue
             if not several:
                 raise statement.error("there is nothing of that kind.")
             if len(several) > MOST:

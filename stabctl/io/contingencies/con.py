@@ -18,7 +18,19 @@ from stabctl.simulation.events import Event, LoadStep, SwitchShunt
 from stabctl.simulation.outage import Outages
 
 from .automatic import AUTOMATIC, Automatic
-from .statements import Form, Statement, Word, bus, circuits, machine, nothing_follows, number, read, understood
+from .statements import (
+    Form,
+    OutOfService,
+    Statement,
+    Word,
+    bus,
+    circuits,
+    machine,
+    nothing_follows,
+    number,
+    read,
+    understood,
+)
 from .subsystems import Subsystems
 
 OPEN = "OPEN|TRIP|DISCONNECT|REMOVE"
@@ -48,14 +60,32 @@ UNREPRESENTED = {
 }
 
 
-def read_con(path: str | Path, case: Case, subsystems: Subsystems | None = None) -> tuple[Contingency, ...]:
+class Contingencies(tuple[Contingency, ...]):
+    """Contingencies of a file.
+
+    Attributes
+    ----------
+    left_out : tuple of str
+        A sentence about each that is left out, because it names something that is out of service.
+    """
+
+    left_out: tuple[str, ...]
+
+    def __new__(cls, found: Iterable[Contingency], left_out: Iterable[str] = ()) -> "Contingencies":
+        """The contingencies, and the sentences."""
+        new = super().__new__(cls, found)
+        new.left_out = tuple(left_out)
+        return new
+
+
+def read_con(path: str | Path, case: Case, subsystems: Subsystems | None = None) -> Contingencies:
     """The contingencies of a CON file, without clearing times, those of its blocks before the automatic ones.
 
     Raises `StudyError` with file, line and text of the first mistake, and for a statement that is not represented:
     nothing of a file is left out in silence.
     """
     path, outages = Path(path), Outages(case)
-    found: list[Contingency] = []
+    found, left_out = list[Contingency](), list[str]()
     automatic, named = Automatic(outages, subsystems), dict[str, int]()
     statements = read(path)
     for statement in statements:
@@ -68,7 +98,9 @@ def read_con(path: str | Path, case: Case, subsystems: Subsystems | None = None)
             if name in named:
                 raise statement.error(f"line {named[name]} has a contingency of this name, too; give it another one.")
             named[name] = statement.line
-            found += _Block(outages, name, statement).read(statements)
+            block = _Block(outages, name, statement)
+            found += block.read(statements)
+            left_out += filter(None, [block.idle])
         elif statement.ends:
             nothing_follows(statements)
         elif statement.begins("SKIP") and len(statement.words) == 1:
@@ -76,11 +108,14 @@ def read_con(path: str | Path, case: Case, subsystems: Subsystems | None = None)
         else:
             automatic.add(statement, *_represented(statement, (Form("block", "CONTINGENCY <name>"), *AUTOMATIC)))
     found += automatic.contingencies()
+    left_out += automatic.left_out
+    if not found and left_out:
+        raise StudyError(f"{path}: all contingencies name something that is out of service: {left_out[0]}")
     if not found:
         raise StudyError(
             f"{path} has no contingencies; write CONTINGENCY 'name', OPEN BRANCH FROM BUS 7 TO BUS 8 and END."
         )
-    return tuple(found)
+    return Contingencies(found, left_out)
 
 
 def _represented(statement: Statement, forms: Iterable[Form]) -> tuple[str, list[Word]]:
@@ -104,6 +139,7 @@ class _Block:
         self.machines: list[int] = []
         self.after: list[Event] = []
         self.taken: set[tuple[str, int]] = set()  # branches, machines, loads and shunts that are named
+        self.idle = ""  # what it names that is out of service, in a sentence
         self.first = ""  # what kind the first element is
 
     def read(self, statements: Iterator[Statement]) -> list[Contingency]:
@@ -113,10 +149,15 @@ class _Block:
                 return self._contingencies()
             if statement.begins("CONTINGENCY"):
                 raise statement.error(f"contingency '{self.name}' of line {self.opened.line} has no END before it.")
-            self._take(statement)
+            try:
+                self._take(statement)
+            except OutOfService as error:
+                self.idle = self.idle or f"{error}; contingency '{self.name}' is left out."
         raise self.opened.error("it has no END.")
 
     def _contingencies(self) -> list[Contingency]:
+        if self.idle:
+            return []
         if not self.faults:
             raise self.opened.error("nothing is lost; write OPEN BRANCH FROM BUS 7 TO BUS 8 before the END.")
         several = self.first in ("branch", "transformer")
@@ -170,6 +211,7 @@ class _Block:
         ids = [*dict.fromkeys(id for _, id in naming.loads_at(self.case, at))]
         wanted = words[0].text.strip() if len(words) > 1 else ""
         if not ids or wanted not in ("", *ids):
+            statement.refuse_idle(self.case, "load", [at], wanted or None)
             what = f"load {words[0]}" if wanted else "load"
             raise statement.error(f"{self.case.name} has no {what} at bus {at}; it has {listed(ids) or 'none there'}.")
         return self._step(statement, at, wanted if len(ids) > 1 else "", -1.0)
@@ -183,7 +225,10 @@ class _Block:
         """The shunt of a bus, which is one in a case, whichever of the shunts of a file is named."""
         at = bus(statement, self.case, words[-1])
         row = self.case.buses[self.case.row_of_bus[at]]
+        if len(words) > 1 and statement.words[1].means("SHUNT"):
+            statement.refuse_idle(self.case, "shunt", [at], words[0].text.strip())
         if not (row.g or row.b):
+            statement.refuse_idle(self.case, "shunt", [at])
             raise statement.error(f"{self.case.name} has no shunt at bus {at}.")
         gone = SwitchShunt(at, 0.0, -row.g, -row.b)
         return (at,) if gone in self.after else self._switch(statement, at, gone)
@@ -197,6 +242,8 @@ class _Block:
         row = self.case.buses[self.case.row_of_bus[at]]
         of_load = what.means("LOAD")
         size = self._drawn(at).real if of_load else row.b
+        if not size:
+            statement.refuse_idle(self.case, "load" if of_load else "shunt", [at])
         if not size or (not unit.means("PERCENT") and unit.means("MW") != of_load):
             raise statement.error(
                 f"it needs a {'load with active power' if of_load else 'shunt'} at the bus, and "

@@ -41,6 +41,10 @@ class Word(NamedTuple):
         return not self.quoted and keyword.startswith(text) and len(text) >= min(shortest, len(keyword))
 
 
+class OutOfService(StudyError):
+    """What a statement names is out of service."""
+
+
 class Statement(NamedTuple):
     """A line of a file that is not empty and no comment."""
 
@@ -51,6 +55,11 @@ class Statement(NamedTuple):
     def error(self, what: str) -> StudyError:
         """The error with a sentence about this line."""
         return StudyError(f"{self.path} line {self.line}, {shown(str(self), 80)}: {what}")
+
+    def refuse_idle(self, case: Case, element: str, ends: Iterable[int] = (), id: str | None = None) -> None:
+        """Raise `OutOfService` if an element at these buses, or with this name, is."""
+        if said := naming.idle(case, element, ends, id):
+            raise OutOfService(str(self.error(f"{said[0].lower()}{said[1:]}")))
 
     @property
     def ends(self) -> bool:
@@ -178,6 +187,7 @@ def bus(statement: Statement, case: Case, word: Word) -> int:
     """The number of a bus, given by its number or name. Raises `StudyError`."""
     found = naming.bus_number(case, word.text)
     if found is None:
+        statement.refuse_idle(case, "bus", id=word.text)
         known = (str(b.bus) for b in case.buses)
         raise statement.error(f"{case.name} has no bus {word}; {near(word.text, known)}")
     return found
@@ -193,10 +203,12 @@ def circuits(statement: Statement, case: Case, ends: Sequence[int], id: Word | N
         return _windings(statement, case, ends, wanted)
     rows = list(case.rows_between.get(frozenset(ends), ()))
     name = "-".join(map(str, ends))
+    ids = [case.branches[row].circuit or str(i) for i, row in enumerate(rows, start=1)]
+    if wanted not in ids:
+        statement.refuse_idle(case, "branch", ends, wanted)
     if not rows or len(set(ends)) < 2:
         there = location.branches_at(case, ends[0])
         raise statement.error(f"{case.name} has no branch {name}; the branches at bus {ends[0]} are {there or 'none'}.")
-    ids = [case.branches[row].circuit or str(i) for i, row in enumerate(rows, start=1)]
     if wanted in ids:
         return [rows[ids.index(wanted)]]
     if id is None and len(rows) == 1:
@@ -209,6 +221,7 @@ def _windings(statement: Statement, case: Case, ends: Sequence[int], wanted: str
     found = [[i for i, k in enumerate(case.branches) if star in (k.from_bus, k.to_bus)] for star in stars]
     rows = next((rows for rows in found if rows and case.branches[rows[0]].circuit == wanted), None)
     if rows is None:
+        statement.refuse_idle(case, "branch", ends, wanted)
         raise statement.error(f"{case.name} has no transformer {'-'.join(map(str, ends))} with circuit {wanted}.")
     return rows
 
@@ -223,6 +236,7 @@ def machine(statement: Statement, case: Case, at: int, id: Word) -> int:
     if found is None and not any(m.name for m in here):
         found = next((m.machine for i, m in enumerate(here, start=1) if str(i) == id.text.strip()), None)
     if found is None:
+        statement.refuse_idle(case, "machine", id=f"{at}/{id.text.strip()}")
         names = ", ".join(str(m.name or i) for i, m in enumerate(here, start=1))
         raise statement.error(f"{case.name} has no machine {id} at bus {at}; it has {names or 'none there'}.")
     return found

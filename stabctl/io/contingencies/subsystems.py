@@ -5,6 +5,7 @@ and a bus must be in all kinds that the group has: AREA 1 and KVRANGE 100 500 in
 100 to 500 kV.
 """
 
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,7 +13,7 @@ from stabctl._util.errors import StudyError
 from stabctl._util.wording import near
 from stabctl.model.case import Case
 
-from .statements import Statement, Word, bus, number, read
+from .statements import OutOfService, Statement, Word, bus, number, read
 
 SELECTORS = {"AREAS": "area", "ZONES": "zone", "OWNERS": "owner", "BUSES": "bus", "BUS": "bus"}
 SELECTORS |= {"KVRANGE": "rated", "KV": "rated"}
@@ -121,11 +122,12 @@ class Subsystems:
         if len(values) < 1 + plural:
             raise statement.error(f"a value of {first} is missing; write {NEEDED}.")
         name = "buses" if column == "bus" else column
-        chosen = self._chosen(statement, column, values)
-        if not chosen:
-            said, known = " to ".join(map(str, values)), sorted({str(getattr(b, column)) for b in self.case.buses})
-            raise statement.error(f"{self.case.name} has no {name} {said}; {near(values[0].text, known)}")
-        self.groups[-1].found.setdefault(column, set()).update(chosen)
+        into = self.groups[-1].found.setdefault(column, set())
+        with suppress(OutOfService):  # no contingency has such a bus
+            into |= (chosen := self._chosen(statement, column, values))
+            if not chosen:
+                said, known = " to ".join(map(str, values)), sorted({str(getattr(b, column)) for b in self.case.buses})
+                raise statement.error(f"{self.case.name} has no {name} {said}; {near(values[0].text, known)}")
 
     def _chosen(self, statement: Statement, column: str, values: list[Word]) -> set[int]:
         """The buses whose column is a value or in a range."""

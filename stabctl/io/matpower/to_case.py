@@ -145,7 +145,7 @@ class Network(TableBuilder):
             raise place.error(f"bus {bus.BUS_I} appears twice, first in line {self._lines[bus.BUS_I].line}.", "BUS_I")
         self._lines[bus.BUS_I] = place
         if bus.BUS_TYPE == ISOLATED:
-            return
+            return self.leave("bus", place, bus.BUS_I, id=name)
         if bus.BUS_TYPE not in KINDS:
             raise place.error(f"{bus.BUS_TYPE} is not a type of bus; it must be 1, 2, 3 or 4.", "BUS_TYPE")
         voltage = (bus.VM, bus.VA, bus.GS, bus.BS, bus.BASE_KV)
@@ -187,6 +187,8 @@ def _branches(net: Network) -> None:
         if all(there) and k.BR_STATUS:
             row = Branch(k.F_BUS, k.T_BUS, k.BR_R, k.BR_X, k.BR_B, k.TAP or 1.0, k.SHIFT, str(count[ends]))
             net.branch(row, place)
+        else:
+            net.leave("branch", place, k.F_BUS, k.T_BUS, id=str(count[ends]))
 
 
 def _dc_lines(net: Network) -> None:
@@ -211,10 +213,12 @@ def _generators(net: Network) -> None:
     count: Counter[int] = Counter()
     for row, (g, place) in enumerate(net.file.of("gen")):
         count[g.GEN_BUS] += 1
-        id = str(count[g.GEN_BUS])
+        id, dispatchable = str(count[g.GEN_BUS]), g.PMIN < 0 and g.PMAX == 0
         if not net.has(g.GEN_BUS, place, "GEN_BUS") or g.GEN_STATUS <= 0:
+            called = f"G{id}" if dispatchable else f"{g.GEN_BUS}/{id}"
+            net.leave("load" if dispatchable else "machine", place, g.GEN_BUS, id=called)
             continue
-        if g.PMIN < 0 and g.PMAX == 0:
+        if dispatchable:
             if g.PG or g.QG:
                 net.add("loads", Load(g.GEN_BUS, -g.PG, -g.QG, 1.0, 1.0, v_low=POWER_LOW, id=f"G{id}"), place)
             said = f"the dispatchable load at bus {g.GEN_BUS} is a constant-power load"

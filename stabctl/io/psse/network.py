@@ -54,7 +54,7 @@ class Network(TableBuilder):
             raise place.error(f"bus {bus.I} appears twice, first in line {self._numbers[bus.I].line}.", "I")
         self._numbers[bus.I] = place
         if bus.IDE == ISOLATED:
-            return
+            return self.leave("bus", place, bus.I, id=bus.NAME)
         if bus.IDE not in KINDS:
             raise place.error(f"{bus.IDE} is not a type of bus; it must be 1, 2, 3 or 4.", "IDE")
         labels = (bus.NAME, bus.AREA, bus.ZONE, bus.OWNER)
@@ -98,21 +98,31 @@ def read(raw: Raw) -> Network:
     for shunt, place in _once("shunt", raw.of("shunt")):
         if net.has(shunt.I, place) and shunt.STATUS:
             net.shunt(shunt.I, shunt.GL, shunt.BL)
+        else:
+            net.leave("shunt", place, shunt.I, id=shunt.ID)
     for shunt, place in raw.of("switched_shunt"):
         if net.has(shunt.I, place) and shunt.STAT:
             net.shunt(shunt.I, 0.0, shunt.BINIT)
+        else:
+            net.leave("shunt", place, shunt.I)
     for k, place in raw.of("branch"):
         i, j = abs(k.I), abs(k.J)  # the sign of a bus number once said where the line is metered
         if net.has(i, place) and net.has(j, place, "J") and k.ST:
             ends = (k.GI, k.BI, k.GJ, k.BJ)
             net.circuit(Branch(i, j, k.R, k.X, k.B, 1.0, 0.0, k.CKT, *ends), place)
+        else:
+            net.leave("branch", place, i, j, id=k.CKT)
     for k, place in raw.of("switch"):
         if net.has(k.I, place) and net.has(k.J, place, "J") and k.STAT:
             net.circuit(Branch(k.I, k.J, 0.0, k.X, circuit=k.CKT), place)
+        else:
+            net.leave("branch", place, k.I, k.J, id=k.CKT)
     for load, place in _once("load", raw.of("load")):
         if net.has(load.I, place) and load.STATUS:
             for row in _loads(load, raw.power_low):
                 net.add("loads", row, place)
+        else:
+            net.leave("load", place, load.I, id=load.ID)
     return net
 
 
@@ -161,6 +171,8 @@ def read_generators(net: Network) -> dict[tuple[int, str], Source]:
         seen[g.I, g.ID] = place
         if net.has(g.I, place) and g.STAT:
             at[g.I].append((g, place))
+        else:
+            net.leave("machine", place, g.I, id=f"{g.I}/{g.ID}")
     found: dict[tuple[int, str], Source] = {}
     drawn = net.drawn()
     for bus, units in at.items():
@@ -239,7 +251,7 @@ def _two_windings(net: Network, t: TransformerRecord, place: Place) -> None:
     i, j = abs(t.head.I), abs(t.head.J)
     in_service = net.has(i, place) and net.has(j, place, "J") and t.head.STAT
     if not in_service:
-        return
+        return net.leave("branch", place, i, j, id=t.head.CKT)
     first, second = (_ratio(net, t.head, w, bus, place) for w, bus in zip(t.windings, (i, j), strict=True))
     z = _impedance(net, t.head, place, t.z.R12, t.z.X12, t.z.SBASE12) * second**2
     phase = t.windings[0].ANG - t.windings[1].ANG
@@ -254,7 +266,7 @@ def _three_windings(net: Network, t: TransformerRecord, place: Place) -> None:
     inside = [net.has(bus, place, name) for bus, name in zip(buses, "IJK", strict=True)]
     on = [k for k in range(3) if inside[k] and k + 1 not in OUT[t.head.STAT]]
     if not on:
-        return
+        return net.leave("branch", place, *buses, id=t.head.CKT)
     z = t.z
     pairs = ((z.R12, z.X12, z.SBASE12), (z.R23, z.X23, z.SBASE23), (z.R31, z.X31, z.SBASE31))
     z12, z23, z31 = (_impedance(net, t.head, place, *pair) for pair in pairs)
