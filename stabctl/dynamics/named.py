@@ -74,14 +74,14 @@ def named(point: OperatingPoint, c: Controller) -> Named:
     seen = extended(point, (), reads)
     rest = np.array([0.0 if s.kind == "frequency" else outputs.value(seen, s)(seen.s) for s in reads])
     names = tuple(s.name for s in reads)
-    driven = {_machine(case, s) for s in drives}
+    driven = {driven_machine(case, s) for s in drives}
     found = Named(c, reads, drives, names, rest, driven.pop() if len(driven) == 1 else None)
     if c.tracking is not None and not (np.isfinite(found.limits).any() or c.deadband or c.ramp):
         raise StudyError(f"{c.name}: tracking acts at the limits of the outputs; give limits, such as limits=0.1.")
     return found
 
 
-def _machine(case: Case, signal: Signal) -> int | None:
+def driven_machine(case: Case, signal: Signal) -> int | None:
     """Number of the machine that an input belongs to, or whose storage device it drives."""
     match INPUTS[signal.kind].place:
         case "machine":

@@ -16,7 +16,7 @@ from stabctl.dynamics import outputs
 from stabctl.dynamics.extension import Extension
 from stabctl.dynamics.inputs import DRAWN, extended, place
 from stabctl.dynamics.layout import SetPoint, StatePlace
-from stabctl.dynamics.named import Named, named
+from stabctl.dynamics.named import Named, driven_machine, named
 from stabctl.dynamics.operating_point import OperatingPoint
 from stabctl.dynamics.signals import INPUTS, OUTPUTS, Signal, chosen, machines
 from stabctl.model import naming
@@ -54,8 +54,7 @@ def _without(point: OperatingPoint, off_s: np.ndarray, c: Named, units: np.ndarr
     if c.controller.law is not None or not gone.any():
         return ""
     lost = {m.machine for m, out in zip(machines, off, strict=True) if out}
-    own = (INPUTS[s.kind].place in ("machine", "device") and int(str(s.place).split("@")[0]) for s in c.outputs)
-    on = [number not in lost for number in own]
+    on = [driven_machine(point.case, s) not in lost for s in c.outputs]
     A, B, C, D = c.undelayed
     gain = D + C @ np.linalg.solve(ANYWHERE * np.eye(len(A)) - A, B)
     if not gain[on][:, gone].any():
