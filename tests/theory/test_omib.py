@@ -8,7 +8,13 @@ from scipy.integrate import solve_ivp
 
 from reproduction import paper
 from stabctl._util.errors import StudyError
-from stabctl.theory.equal_area import critical_clearing, equal_area, simulated_critical_time
+from stabctl.theory.equal_area import (
+    _least_area,
+    accelerating,
+    critical_clearing,
+    equal_area,
+    simulated_critical_time,
+)
 from stabctl.theory.omib import OMIB, TIGHT, against_speed, bolted_fault, during_fault, stops, swing_curve, table1
 from stabctl.theory.phase_plane import energy, inside, portrait, potential, separatrix
 
@@ -199,3 +205,15 @@ def test_synchronism_is_lost_backward_at_the_unstable_equilibrium_a_turn_below()
     assert not run.stable
     assert np.interp(run.lost, run.t, run.angle) == pytest.approx(PAPER.unstable - 2 * math.pi, abs=1e-4)
     assert swing_curve(PAPER, 0.05, until=3).lost == math.inf
+
+
+@given(machines(faults=True), st.floats(0.05, 1))
+@settings(max_examples=30, deadline=None)
+def test_a_fault_in_which_the_machine_returns_is_told_by_the_least_area_on_the_way(m, part):
+    """The machine moves up to an angle while A1 is positive on the whole way to it."""
+    angle = m.start + part * (min(m.unstable, 3.0) - m.start)
+    way = np.linspace(m.start, angle, 4001)
+    if _least_area(m, angle) > 1e-6:
+        assert min(accelerating(m, d) for d in way[1:]) > 0
+    elif _least_area(m, angle) < -1e-6:
+        assert min(accelerating(m, d) for d in way) < 0
