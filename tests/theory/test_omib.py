@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -207,11 +208,14 @@ def test_synchronism_is_lost_backward_at_the_unstable_equilibrium_a_turn_below()
     assert swing_curve(PAPER, 0.05, until=3).lost == math.inf
 
 
-@given(machines(faults=True), st.floats(0.05, 1))
-@settings(max_examples=30, deadline=None)
-def test_a_fault_in_which_the_machine_returns_is_told_by_the_least_area_on_the_way(m, part):
-    """The machine moves up to an angle while A1 is positive on the whole way to it."""
-    angle = m.start + part * (min(m.unstable, 3.0) - m.start)
+@given(machines(), st.floats(1.05, 5), st.floats(-1, 0.9), st.floats(0.05, 1))
+@example(OMIB(Pm=1.5, X=0.5), 1.3, 0.1, 1.0)
+@example(OMIB(Pm=0.3, X=1.5), 1.3, 0.1, 1.0)
+@settings(max_examples=50, deadline=None)
+def test_a_fault_in_which_the_machine_returns_is_told_by_the_least_area_on_the_way(m, mild, share, part):
+    """The machine reaches an angle if A1 is positive on the whole way to it; a mild fault brakes it on the way."""
+    m = replace(m, Xfault=mild * m.X, Pfault=share * m.Pm)
+    angle = m.start + part * (m.unstable - m.start)
     way = np.linspace(m.start, angle, 4001)
     if _least_area(m, angle) > 1e-6:
         assert min(accelerating(m, d) for d in way[1:]) > 0
