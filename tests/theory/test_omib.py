@@ -23,13 +23,14 @@ PAPER = OMIB()
 
 
 @st.composite
-def machines(draw, faults=False):
+def machines(draw, faults=False, mild=False):
     H = draw(st.floats(0.5, 20))
     X = draw(st.floats(0.2, 2))
     share = draw(st.floats(0.05, 0.95))
     Xpost = draw(st.none() | st.floats(X, X * (1 + 0.5 * (1 - share))))
     Pm = share / max(X, Xpost or X)
-    Xfault = draw(st.none() | st.floats(2, 10).map(lambda k: k * X / share)) if faults else None
+    least = 1.2 * share if mild else 2.0  # a mild fault brakes the machine on its way
+    Xfault = draw(st.none() | st.floats(least, 10).map(lambda k: k * X / share)) if faults else None
     Pfault = draw(st.just(0.0) | st.floats(-2, 0.3).map(lambda k: k * Pm)) if faults else 0.0
     return OMIB(H, Pm, X, Xpost=Xpost, Xfault=Xfault, Pfault=Pfault)
 
@@ -58,7 +59,7 @@ def test_kinetic_energy_at_clearing_is_the_accelerating_area(m, part):
     assert abs(area.A2 - area.A1) < 1e-12
 
 
-@given(machines(faults=True), st.floats(0.01, 0.99), st.floats(0, 3))
+@given(machines(faults=True, mild=True), st.floats(0.01, 0.99), st.floats(0, 3))
 @example(OMIB(Pm=0.5, X=0.5, Xpost=0.7), 0.003, 1.0)
 @settings(max_examples=30, deadline=None)
 def test_the_machine_stops_where_the_areas_are_equal(m, part, power):
