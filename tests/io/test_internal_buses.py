@@ -129,7 +129,9 @@ def test_a_branch_with_charging_is_no_step_up_transformer(tmp_path):
         step_up.screen()
 
 
-@pytest.mark.parametrize(("low", "high", "bus"), [(0.69, 33, 3), (0.4, 0.69, 3), (33, 0.69, 1), (20, 20, 1), (0, 33, 1)])
+@pytest.mark.parametrize(
+    ("low", "high", "bus"), [(0.69, 33, 3), (0.4, 0.69, 3), (33, 0.69, 1), (20, 20, 1), (0, 33, 1)]
+)
 def test_storage_is_at_the_high_side_whatever_the_voltages(tmp_path, low, high, bus):
     """A machine of 690 V is behind a transformer, too; nothing is known of sides without rated voltages."""
     parts = {"bus": [f"1,'A',{low},3,1,1,1,1.02,0", f"3,'C',{high},1,1,1,1,1,0"], "load": WHOLE["load"][:1]}
