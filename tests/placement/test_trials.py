@@ -12,8 +12,8 @@ from stabctl.controllers import BangBang
 from stabctl.dynamics import operating_point
 from stabctl.model.tables import Storage
 from stabctl.placement.trials import Trials
-from stabctl.simulation.setup import setup
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import run
 
 TO_SURVIVE = (

@@ -165,8 +165,8 @@ def test_a_run_whose_storage_gets_no_orders_says_so_when_it_is_printed(points):
     point, said = points("two_area"), "No orders are given to the storage: give control=BangBang(), for example."
     assert str(simulate(point, None, 0.1, storage="50MW")).count(said) == 1
     orders = Controller(("deviation:1",), ("order:1",), *(np.zeros(one) for one in ((0, 0), (0, 1), (1, 0))), [[9.0]])
-    for storage, control in (("50MW", BangBang()), ("50MW", orders), ("0MW", None), (None, None)):
-        assert said not in str(simulate(point, None, 0.1, storage=storage, control=control))
+    for storage, law in (("50MW", BangBang()), ("50MW", orders), ("0MW", None), (None, None)):
+        assert said not in str(simulate(point, None, 0.1, storage=storage, control=law))
     by_hand = simulation.Simulation(setup(operating_point.solve(point.case.with_storage("50MW"))))
     by_hand.advance(0.1)
     assert said not in str(by_hand.finish())
