@@ -415,3 +415,14 @@ def test_each_group_gives_up_as_little_as_is_enough():
     for share in groups:
         back = np.where(less & (abs(1 - now / produced - share) < 1e-5), STEP * produced, 0.0)
         assert not survives(now + back - taken * back.sum() / taken.sum())
+
+
+@pytest.mark.parametrize(("lowest", "asked"), [(4.5, 4.5), (0.0, 7.25), (None, 7.25)])
+def test_a_repeated_contingency_is_asked_for_with_the_shortest_fault_that_is_lost(lowest, asked):
+    """At or above the guaranteed time, on the grid of the search; nothing new if even no fault is survived."""
+    one = SimpleNamespace(contingency=LOST, search=Search(0.25), lowest_unstable=lowest)
+    for required in (7.1, 7.25, 7.25 + 1e-9):
+        margin = SimpleNamespace(found=one, required=required)
+        first = remedies._required(margin, [])
+        assert first == LOST.with_clear("7.25cyc")
+        assert remedies._required(margin, [first]) == LOST.with_clear(f"{asked}cyc")

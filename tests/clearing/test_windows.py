@@ -6,7 +6,7 @@ import pytest
 
 from stabctl import io
 from stabctl.clearing import ClearingTime, Run, Search, clearing_time
-from stabctl.clearing.critical_time import critical
+from stabctl.clearing.critical_time import _multiple, critical
 from stabctl.dynamics.operating_point import initialize
 from stabctl.simulation.contingency import Contingency
 from stabctl.simulation.outcome import Kind
@@ -122,3 +122,13 @@ def test_a_limit_between_two_points_of_the_grid_is_the_last_of_them():
     assert (found.status, found.reach_cycles) == ("stable_at_limit", 7.0)
     assert "search limit of 7 cycles" in str(found)
     assert found.window() == ""
+
+
+def test_points_of_a_coarse_grid_are_tried_first_and_the_nearest_of_them():
+    for low, high in ((-1, 9), (3, 17), (4, 6), (0, 40), (7, 8)):
+        for spacing in (1, 2, 3, 8):
+            inside = [m for m in range(-spacing, high + spacing) if m % spacing == 0 and low < m < high]
+            for k in range(low + 1, high):
+                found = _multiple(k, low, high, spacing)
+                least = min((abs(m - k) for m in inside), default=0)
+                assert (found in inside and abs(found - k) == least) if inside else found == k

@@ -513,3 +513,37 @@ def test_a_gate_on_a_signal_that_its_own_controller_changes_is_decided_once_per_
     run = base.simulate(st.Contingency("7-8@0.4", clear="6cyc"), "5s", control=one)
     assert run.outcome.stable
     assert 0 < (np.abs(run.arrays.order[:, 0]) > 0).mean() < 1
+
+
+OPTIONS = {
+    "nothing": {},
+    "limits": {"limits": (-0.2, 0.35)},
+    "deadband": {"deadband": 0.04, "limits": (-0.5, 0.3)},
+    "relay": {"deadband": 0.05, "limits": (-0.4, 0.6), "relay": True},
+    "ramp": {"ramp": 1.7, "limits": 0.5},
+    "delay": {"delay": "50ms"},
+    "window": {"gate": st.Gate(start=0.7, end=1.1), "delay": "50ms"},
+    "low voltage": {"gate": st.Gate("voltage:7", 0.9)},
+    "high voltage": {"gate": st.Gate("voltage:7", high=0.97), "ramp": 20.0},
+}
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+def test_a_function_and_matrices_of_the_same_law_act_alike(base, name):
+    """Whatever else they have: two signals, two outputs, and a state, which begins anew when a gate opens."""
+    A, B, C, D = [[0.9]], [[2.0, 0.0]], [[6.0], [-3.0]], [[25.0, 0.0], [10.0, -15.0]]
+    what = ("deviation:1", "deviation:4"), ("order:1@5", "order:4@10")
+
+    def law(seen, x):
+        u = np.array([seen["deviation:1"], seen["deviation:4"]])
+        return np.array(C) @ x + np.array(D) @ u, np.array(A) @ x + np.array(B) @ u
+
+    fault = st.Contingency("7-8@0.4", clear="6cyc", at="0.5s")
+    linear = st.Controller(*what, A, B, C, D, rate=60, **OPTIONS[name])
+    function = st.Controller.from_function(law, *what, start=[0.0], rate=60, **OPTIONS[name])
+    one, other = (base.simulate(fault, "1.5s", control=c) for c in (linear, function))
+    for device in (0, 3):
+        assert order(other, device) == pytest.approx(order(one, device), abs=1e-6)  # 2e-8
+        assert np.ptp(order(one, device)) > 0.01
+    if "gate" in OPTIONS[name]:
+        assert (order(other) == 0).any()

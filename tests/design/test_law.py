@@ -1,9 +1,11 @@
 """Design of a storage law."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from uneven import uneven_point
 
 from stabctl._util.errors import StudyError
 from stabctl.clearing import Search, Trial, screen
@@ -16,6 +18,7 @@ from stabctl.io.control_files import load
 from stabctl.jobs import Runner
 from stabctl.jobs.task import Base
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.simulate import simulate
 from stabctl.simulation.simulation import Simulation
 
 FAULT = Contingency("7-8@0.4")
@@ -217,3 +220,17 @@ def test_what_is_left_is_summed_over_devices_that_gave_and_took(fleet):
     left = energy[-1] - energy[0]
     assert later(trial, 8, 3.0).left_kwh == pytest.approx(np.abs(left).sum(), rel=0.02)
     assert abs(left.sum()) < 0.9 * np.abs(left).sum()
+
+
+def test_what_devices_hold_long_after_is_in_kilowatt_hours_on_any_base():
+    """A system of 137 MVA and 50 Hz; the energies are those of a recorded run, which ends a little later."""
+    point, within, trial_of = uneven_point(), 1.5, Contingency("30-40#2@0.4")
+    trial = Trial(point, trial_of, StorageLaw(deadband="5mHz", slope=0.01), Search(1.0, observed_s=1.0))
+    found = later(trial, 4, within)
+    end = trial.last_event(4) + within
+    run = simulate(point, replace(trial_of, clear=trial.duration(4), at=trial.at), end, control=trial.control)
+    energy = 1e3 * run.dataset["storage_energy"].to_numpy()
+    rows = [np.searchsorted(run.time, t - 1e-9) for t in [*np.arange(0, end - 1e-9, 0.25), end]]
+    assert found.energy_kwh == pytest.approx(np.ptp(energy[rows], axis=0).sum(), rel=0.02)
+    assert found.left_kwh == pytest.approx(np.abs(energy[-1] - energy[0]).sum(), rel=0.02)
+    assert found.stable

@@ -244,3 +244,21 @@ def test_few_orders_fill_fault_and_window(cases):
     assert found.before == 1
     assert found.time[0] == pytest.approx(-found.seconds)
     assert found.time[-1] + 1 / found.schedule.rate == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(("k", "longer"), [(6, 11), (11, 6), (7, 7), (4, 0), (5, 23)])
+def test_orders_from_clearing_on_keep_their_time_and_the_first_and_last_are_repeated(k, longer):
+    """Of a fault of another duration; frames fill the fault, so their length differs by a little."""
+    trial = Trial(_case().initialize(), FAULT, LATE, Search(1.0, observed_s=1.2))
+    scheduled = Scheduled(trial, LATE, 30, 0.5)
+    before, after, rate = scheduled.frames(k)
+    orders = np.linspace(-1, 1, 2 * (before + after)).reshape(-1, 2)
+    found = scheduled.plan(longer, Plan(k, before, rate, orders))
+    assert (found.k, found.before, found.rate) == (longer, *scheduled.frames(longer)[::2])
+    assert len(found.orders) == sum(scheduled.frames(longer)[:2])
+    edges = (np.arange(len(orders) + 1) - before) / rate  # s from clearing
+    for n, order in enumerate(found.orders):
+        middle = (n + 0.5 - found.before) / found.rate
+        there = next((j for j in range(len(orders)) if edges[j] <= middle < edges[j + 1]), None)
+        wanted = orders[0 if middle < edges[0] else -1] if there is None else orders[there]
+        assert np.array_equal(order, wanted)

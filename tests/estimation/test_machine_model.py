@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from uneven import uneven_point
 
 from stabctl.dynamics import operating_point
-from stabctl.estimation._machine_model import MachineModel
-from stabctl.estimation._swing import Governors
+from stabctl.estimation._machine_model import RUNAWAY, UNSETTLED, MachineModel
+from stabctl.estimation._swing import HIDDEN, Governors
 from stabctl.estimation.estimators import Filtered
 from stabctl.estimation.pmu import Frame, Pmu
 from stabctl.estimation.rotor_units import ProcessNoise, Terminals, rotor_units
@@ -108,3 +109,64 @@ def test_a_known_governor_stops_at_its_limits():
     for _ in range(600):
         g = known.step(slip, reference)
     assert g[:, 0] == pytest.approx([-0.2, 0.2, 0.25 - 0.6, 0.9 - 0.7], abs=1e-6)
+
+
+def test_damping_governors_and_lost_reports_take_part_in_what_is_known():
+    """Of machines that differ in everything; their mechanical power is that at rest and what the governor adds."""
+    known = rotor_units(uneven_point())
+    model, rng, m = MachineModel(known, PMU, power=True, process=NOISE), np.random.default_rng(2), len(known.H)
+    (report,) = (model.measured(f) for f in frames(uneven_point(), (0.2,), ([True] * m,)))
+    x, P = model.begin(report)
+    assert np.ptp(known.D) > 0
+    assert 0 < len(model.governors.at) < m
+    x[..., 1:3] += rng.normal(0, 0.2, (1, m, 2))
+    model.kept.g[:], model.unreported.power[:] = rng.normal(0, 0.1, (1, m)), rng.uniform(0, 0.1, (1, m))
+    slip, now = x[0, :, 1], x[0, :, 2] + model.kept.g[0] - model.kept.P[0]
+    a, variance = model.acceleration(x, P)
+    assert a[0] == pytest.approx((now - known.D * slip) / (2 * known.H), rel=1e-12)
+    of_power = P[0, :, 2, 2] + report.variance[0] + model.unreported.power[0] ** 2
+    assert variance[0] == pytest.approx(of_power / (2 * known.H) ** 2, rel=1e-12)
+    assert model.whole(x)[0] == pytest.approx(np.maximum(np.abs(model.kept.P), np.abs(now + model.kept.P))[0])
+    asked = []
+    model.governors.step = lambda *given: asked.append(given) or model.kept.g
+    model._governed(x)
+    assert asked[0][0][0] == pytest.approx(slip + now / (2 * known.H) * (0.5 / PMU.rate), rel=1e-12)
+    assert np.array_equal(asked[0][1], x[..., 2])
+
+
+def test_a_filter_that_begins_anew_keeps_speed_and_power():
+    known = rotor_units(uneven_point())
+    model, rng, m = MachineModel(known, PMU, power=True, process=NOISE), np.random.default_rng(3), len(known.H)
+    first, later = (model.measured(f) for f in frames(uneven_point(), (0.0, 0.4), ([True] * m,) * 2))
+    x, P = model.begin(first)
+    rest, _ = model.at_rest(later)
+    x[..., :3] += rng.normal(0, 0.05, (1, m, 3))
+    x[..., 1] = 0.0
+    model.unreported.moved[..., 1] = [[0.0, 0.3, 1e-5, 0.02]]
+    where = np.array([[True, True, False, True]])
+    fresh, fresh_P = model.restarted(x, P, later, where)
+    assert np.array_equal(fresh[0, 2], x[0, 2])
+    assert np.array_equal(fresh_P[0, 2], P[0, 2])
+    for i in (0, 1, 3):
+        assert fresh[0, i, [0, 3, 4]] == pytest.approx(rest[0, i, [0, 3, 4]], abs=1e-12)
+        assert np.array_equal(fresh[0, i, 1:3], x[0, i, 1:3])
+        speed = P[0, i, 1, 1] + max(model.unreported.moved[0, i, 1], RUNAWAY) ** 2
+        flux = UNSETTLED**2 * np.broadcast_to(model._has_flux, (1, m))[0, i]
+        wanted = [flux + 1e-3**2, speed, P[0, i, 2, 2] + 1e-2**2, flux, flux]
+        assert fresh_P[0, i] == pytest.approx(np.diag(wanted), rel=1e-12)
+
+
+def test_what_lost_reports_leave_open_widens_angle_and_speed():
+    known = rotor_units(uneven_point())
+    model, m = MachineModel(known, PMU, power=True, process=NOISE), len(known.H)
+    (report,) = (model.measured(f) for f in frames(uneven_point(), (0.0,), ([True] * m,)))
+    x, P = model.begin(report)
+    state, both = model.angle_and_slip(x, P)
+    assert np.array_equal(both, P[..., :2, :2])
+    assert np.array_equal(state, x[..., :2])
+    model.unreported.moved[:] = r = np.random.default_rng(4).normal(size=(1, m, 2))
+    model.unreported.lost[0, 1] = 7
+    _, wide = model.angle_and_slip(x, P)
+    for i in range(m):
+        more = np.outer(r[0, i], r[0, i]) * HIDDEN[:2, :2] + (i == 1) * np.diag([0.3, 4e-3]) ** 2
+        assert wide[0, i] == pytest.approx(P[0, i, :2, :2] + more, rel=1e-12)

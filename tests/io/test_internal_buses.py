@@ -127,3 +127,14 @@ def test_a_branch_with_charging_is_no_step_up_transformer(tmp_path):
     assert step_up.machines[0].storage_bus == 3
     with pytest.raises(StudyError, match="x has no branch that counts as a line"):
         step_up.screen()
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "bus"), [(0.69, 33, 3), (0.4, 0.69, 3), (33, 0.69, 1), (20, 20, 1), (0, 33, 1)]
+)
+def test_storage_is_at_the_high_side_whatever_the_voltages(tmp_path, low, high, bus):
+    """A machine of 690 V is behind a transformer, too; nothing is known of sides without rated voltages."""
+    parts = {"bus": [f"1,'A',{low},3,1,1,1,1.02,0", f"3,'C',{high},1,1,1,1,1,0"], "load": WHOLE["load"][:1]}
+    parts |= {"gen": ["1,'1',50,0,99,-99,1.02,0,200,0,0.2,0,0,1,1,100"], "transformer": []}
+    case = st.load(written(tmp_path, **parts, branch=["1,3,'1',0.01,0.1,0,0,0,0,0,0,0,0,1"]))
+    assert case.machines[0].storage_bus == bus

@@ -13,6 +13,7 @@ from stabctl.dynamics import operating_point
 from stabctl.model.tables import Storage
 from stabctl.placement.trials import Trials
 from stabctl.simulation.contingency import Contingency
+from stabctl.simulation.setup import setup
 from stabctl.simulation.simulation import run
 
 TO_SURVIVE = (
@@ -162,3 +163,17 @@ def test_what_stops_one_thread_stops_all(point):
     with pytest.raises(CancelledError):
         trials.survives(_sizes(point, 0.05), 2)
     assert trials.simulations < 1000
+
+
+def test_proofs_use_half_the_step_and_twice_the_window(trials, point):
+    """The rest of the search is the same; trials with a step of their own halve that."""
+    once = setup(point).step
+    for given, longer, step in ((None, None, once / 2), (0.004, 0.004, 0.002)):
+        trials.search = replace(trials.search, step=given)
+        search = trials.search
+        assert trials.longer().search == replace(search, observed_s=4.0, step=longer)
+        assert trials.refined().search == replace(search, observed_s=4.0, step=step)
+        assert trials.search == search
+    mw = _sizes(point, 0.05)
+    assert trials.refined().simulate(mw, 0).step == pytest.approx(0.002)
+    assert trials.simulate(mw, 0).step == pytest.approx(0.004)

@@ -239,3 +239,11 @@ def test_a_command_takes_a_share(shared, plain, tmp_path, stabctl):
 )
 def test_the_slips_of_several_motors_are_from_the_least_to_the_largest(buses, slip, says):
     assert str(Stalled(buses, slip)) == says
+
+
+def test_motors_go_to_every_load_that_draws_power_however_little(plain):
+    """Not to what feeds in, draws reactive power only, or stands at another model than a load."""
+    drawn = [ZIP._replace(id=name, p=p, q=1.0) for name, p in zip("abcd", (0.03, 150.0, 0.0, -5.0), strict=True)]
+    made = replace(plain, loads=tuple(drawn)).with_motors("40%")
+    assert [*made.devices["cim"]] == [2, "2#2"]
+    assert [load.model_share for load in made.loads] == [0.4, 0.4, 1.0, 1.0]

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from systems import KINDS, REGC, ROUND, doubled, small
+from systems import CLASSICAL, KINDS, REGC, ROUND, doubled, small
 
 from stabctl.controllers import BangBang, Controller, Feedback, Input, StorageDevice, bang_bang, decided
 from stabctl.dynamics import operating_point
 from stabctl.model.tables import Storage
-from stabctl.simulation import simulation
+from stabctl.simulation import control, simulation
 from stabctl.simulation.criterion import Criterion
 from stabctl.simulation.events import Clear, Fault, Open, TripMachine
 from stabctl.simulation.setup import setup
@@ -165,8 +165,8 @@ def test_a_run_whose_storage_gets_no_orders_says_so_when_it_is_printed(points):
     point, said = points("two_area"), "No orders are given to the storage: give control=BangBang(), for example."
     assert str(simulate(point, None, 0.1, storage="50MW")).count(said) == 1
     orders = Controller(("deviation:1",), ("order:1",), *(np.zeros(one) for one in ((0, 0), (0, 1), (1, 0))), [[9.0]])
-    for storage, control in (("50MW", BangBang()), ("50MW", orders), ("0MW", None), (None, None)):
-        assert said not in str(simulate(point, None, 0.1, storage=storage, control=control))
+    for storage, law in (("50MW", BangBang()), ("50MW", orders), ("0MW", None), (None, None)):
+        assert said not in str(simulate(point, None, 0.1, storage=storage, control=law))
     by_hand = simulation.Simulation(setup(operating_point.solve(point.case.with_storage("50MW"))))
     by_hand.advance(0.1)
     assert said not in str(by_hand.finish())
@@ -178,3 +178,36 @@ def test_at_rest_an_order_follows_the_acceleration():
     at = [decided(law, law.par(TestFeedbackLaw.DEVICE), Input(slip, 0.001), 1.0).wanted for slip in (0.0, 1e-15)]
     assert at[0] == pytest.approx(at[1])
     assert at[0] > 0
+
+
+def reading(outputs):
+    """A controller without states of these outputs."""
+    n = len(outputs)
+    return Controller(("deviation:1",), outputs, *(np.zeros(one) for one in ((0, 0), (0, 1), (n, 0))), [[9.0]] * n)
+
+
+@pytest.mark.parametrize(
+    ("outputs", "gives"),
+    [
+        (("order:1",), True),
+        (("order:1@5",), True),
+        (("order",), True),
+        (("vs:1", "order:4"), True),
+        (("order_q:1",), False),
+        (("order_v:1",), False),
+        (("vs:1",), False),
+        (("pref:4", "vref:1"), False),
+    ],
+)
+def test_a_law_stands_beside_controllers_unless_one_gives_orders(outputs, gives):
+    """Orders of reactive power or of a voltage are none of active power, but the storage has orders."""
+    one, other, law = reading(outputs), reading(("vref:1",)), BangBang()
+    assert control.ordered([one]) == control.ordered([other, one]) == gives
+    assert control.with_law([one], law) == ([one] if gives else [law, one])
+    assert control.with_law([other, one], law) == ([other, one] if gives else [law, other, one])
+    assert control.with_law([Feedback(3.0), one], law) == [Feedback(3.0), one]
+    assert control.with_law([], law) == [law]
+    case = small({"gencls": CLASSICAL}).with_storage("5MW")
+    assert control.idle(case, [one]) == (not any("order" in name for name in outputs))
+    assert not control.idle(case, [law, one])
+    assert not control.idle(case.with_storage("0MW"), None)

@@ -2,13 +2,15 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from systems import FORMING, REGC, registered, small
+from systems import FORMING, REGC, REGC_C, registered, small
 
 import stabctl as st
 from stabctl._util.errors import EquilibriumError
+from stabctl.simulation import outcome
 from stabctl.simulation.events import Clear, Fault, Open
 from stabctl.simulation.simulate import simulate
 
@@ -119,3 +121,17 @@ def test_cut_off_without_a_voltage_source_an_island_is_blacked_out():
     run = simulate(st.initialize(small({"regc_a": REGC})), [Open("2-3", 0.1), Open("2-3#2", 0.1)], 1.0)
     cut = "The switching cut off buses 1, 2 without a machine or grid-forming converter: blacked out, its load lost."
     assert str(run.outcome).startswith(cut)
+
+
+def test_the_range_of_a_phase_locked_loop_is_in_its_own_units_and_is_named_at_either_end(monkeypatch):
+    """Of a loop from -9 to 14 rad/s at 50 Hz."""
+    case = replace(small({"regc_c": REGC_C._replace(wmin=-9.0, wmax=14.0)}), frequency_hz=50.0)
+    point = case.initialize()
+    (loop,) = point.system.unweighted.rows
+    low, high = 1 - 9 / (100 * np.pi), 1 + 14 / (100 * np.pi)
+    assert (loop.least, loop.most) == pytest.approx((low, high), rel=1e-12)
+    monkeypatch.setattr(outcome, "_unweighted", lambda *_: loop)
+    for speed, at in ((low, True), (high, True), (1.0, False), (low + 1e-3, False), (high - 1e-3, False)):
+        said = outcome._at_limit(point, SimpleNamespace(speed=np.array([speed]), machine=0))
+        wanted = f"at a limit of its range from {50 * low:.2f} to {50 * high:.2f} Hz"
+        assert said.endswith(wanted) if at else said == ""

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from systems import ALL_KINDS, OWN_KINDS, each, kind, small
+from uneven import uneven_point
 
 import stabctl as st
 from stabctl._util.errors import StabctlError, StudyError
@@ -12,7 +13,9 @@ from stabctl.controllers import Controller
 from stabctl.dynamics.operating_point import solve
 from stabctl.model import powerflow
 from stabctl.smallsignal import analyze, linearize
+from stabctl.smallsignal._parameter_slopes import ParameterSlopes
 from stabctl.smallsignal.analysis import modes as modes_of
+from stabctl.smallsignal.sensitivity import equations_of
 
 RNG = np.random.default_rng(2)
 
@@ -191,3 +194,22 @@ def test_the_power_flow_stays(point):
     """The flow of a case does not depend on its devices, so that `case.set` and the derivative mean the same."""
     of = point("two_area")
     assert np.array_equal(powerflow.solve(of.case.set("genrou.1.xd", 2.0)).V, of.flow.V)
+
+
+def test_the_step_of_a_parameter_is_relative_to_its_value_and_to_its_unit_at_zero():
+    """So it is as small for 120 pu as for 40 ms; on one side only where the other is not allowed."""
+    modes = uneven_point().modes()
+    of = ParameterSlopes(equations_of(modes), complex(modes.eigenvalues[0]), modes.right[:, 0], modes.left[:, 0])
+    par = modes.linear.point.case.devices
+    for model, name, key, sides in (
+        ("sexs", "KA", 3, (-1, 0, 1)), ("sexs", "TA", 3, (-1, 0, 1)), ("genrou", "D", 3, (-1, 0, 1)),
+        ("genrou", "xd", 7, (-1, 0, 1)), ("gencls", "ra", 12, (-1, 0, 1)), ("sexs", "KA", 7, (-1, 0, 1)),
+    ):  # fmt: skip
+        value = getattr(par[model][key], name)
+        for step in (1e-3, 2e-4):
+            found = of._steps(model, name, key, step)
+            assert found.points == pytest.approx(step * (abs(value) or 1.0) * np.array(sides), rel=1e-9)
+            assert found.weights @ found.points == pytest.approx(1.0)
+            assert found.weights.sum() == pytest.approx(0.0, abs=1e-9 / step)
+            place = list(of.point.system.family(model).device.Par._fields).index(name)
+            assert np.ptp(found.k, axis=0)[place] == pytest.approx(np.ptp(found.points), rel=1e-6)

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,13 @@ from scipy.integrate import solve_ivp
 
 from reproduction import paper
 from stabctl._util.errors import StudyError
-from stabctl.theory.equal_area import critical_clearing, equal_area, simulated_critical_time
+from stabctl.theory.equal_area import (
+    _least_area,
+    accelerating,
+    critical_clearing,
+    equal_area,
+    simulated_critical_time,
+)
 from stabctl.theory.omib import OMIB, TIGHT, against_speed, bolted_fault, during_fault, stops, swing_curve, table1
 from stabctl.theory.phase_plane import energy, inside, portrait, potential, separatrix
 
@@ -16,13 +23,14 @@ PAPER = OMIB()
 
 
 @st.composite
-def machines(draw, faults=False):
+def machines(draw, faults=False, mild=False):
     H = draw(st.floats(0.5, 20))
     X = draw(st.floats(0.2, 2))
     share = draw(st.floats(0.05, 0.95))
     Xpost = draw(st.none() | st.floats(X, X * (1 + 0.5 * (1 - share))))
     Pm = share / max(X, Xpost or X)
-    Xfault = draw(st.none() | st.floats(2, 10).map(lambda k: k * X / share)) if faults else None
+    least = 1.2 * share if mild else 2.0  # a mild fault brakes the machine on its way
+    Xfault = draw(st.none() | st.floats(least, 10).map(lambda k: k * X / share)) if faults else None
     Pfault = draw(st.just(0.0) | st.floats(-2, 0.3).map(lambda k: k * Pm)) if faults else 0.0
     return OMIB(H, Pm, X, Xpost=Xpost, Xfault=Xfault, Pfault=Pfault)
 
@@ -51,7 +59,7 @@ def test_kinetic_energy_at_clearing_is_the_accelerating_area(m, part):
     assert abs(area.A2 - area.A1) < 1e-12
 
 
-@given(machines(faults=True), st.floats(0.01, 0.99), st.floats(0, 3))
+@given(machines(faults=True, mild=True), st.floats(0.01, 0.99), st.floats(0, 3))
 @example(OMIB(Pm=0.5, X=0.5, Xpost=0.7), 0.003, 1.0)
 @settings(max_examples=30, deadline=None)
 def test_the_machine_stops_where_the_areas_are_equal(m, part, power):
@@ -199,3 +207,18 @@ def test_synchronism_is_lost_backward_at_the_unstable_equilibrium_a_turn_below()
     assert not run.stable
     assert np.interp(run.lost, run.t, run.angle) == pytest.approx(PAPER.unstable - 2 * math.pi, abs=1e-4)
     assert swing_curve(PAPER, 0.05, until=3).lost == math.inf
+
+
+@given(machines(), st.floats(1.05, 5), st.floats(-1, 0.9), st.floats(0.05, 1))
+@example(OMIB(Pm=1.5, X=0.5), 1.3, 0.1, 1.0)
+@example(OMIB(Pm=0.3, X=1.5), 1.3, 0.1, 1.0)
+@settings(max_examples=50, deadline=None)
+def test_a_fault_in_which_the_machine_returns_is_told_by_the_least_area_on_the_way(m, mild, share, part):
+    """The machine reaches an angle if A1 is positive on the whole way to it; a mild fault brakes it on the way."""
+    m = replace(m, Xfault=mild * m.X, Pfault=share * m.Pm)
+    angle = m.start + part * (m.unstable - m.start)
+    way = np.linspace(m.start, angle, 4001)
+    if _least_area(m, angle) > 1e-6:
+        assert min(accelerating(m, d) for d in way[1:]) > 0
+    elif _least_area(m, angle) < -1e-6:
+        assert min(accelerating(m, d) for d in way) < 0
