@@ -1,5 +1,8 @@
 """The machines that leave together."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from stabctl.clearing.trial import Search, Trial
@@ -43,3 +46,19 @@ def test_no_group_if_nothing_is_lost(points):
 def test_groups_of_a_law_have_no_common_machine():
     found = [Group(m, m[0], m, m, 1.0) for m in ((1, 2), (3,), (2, 3), (4, 5))]
     assert disjoint(found) == ((1, 2), (4, 5))
+
+
+@pytest.mark.parametrize(("name", "one", "cycles"), [("ieee39", "21", 30.0), ("ieee39", "2", 20.0)])
+def test_a_group_is_at_least_half_as_fast_at_clearing_as_the_first_machine(points, name, one, cycles):
+    """Relative to the center of inertia, in the same direction; here all machines are in one area."""
+    point, search = points(name), Search(0.25, 60.0, observed_s=3.0)
+    all_of = tuple(m.machine for m in point.case.machines)
+    group = critical_machines(
+        Trial(point, Contingency(one), None, search), SimpleNamespace(groups=(all_of,), of=lambda _: 0), cycles
+    )
+    run = point.simulate(Contingency(one, clear=f"{cycles}cyc", at=0.0), "0.6s")
+    w = run.arrays.speed[np.searchsorted(run.time, cycles / point.case.frequency_hz - 1e-9)] - 1
+    w = w - w @ point.inertia / point.inertia.sum()
+    lead = w[all_of.index(group.first)]
+    assert set(group.machines) == {m for m, x in zip(all_of, w, strict=True) if x * np.sign(lead) >= 0.5 * abs(lead)}
+    assert 1 <= len(group.machines) < len(all_of)

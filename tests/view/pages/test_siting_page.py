@@ -281,3 +281,20 @@ def test_the_percentages_are_those_of_the_record(plain):
     assert bound < cost
     kwh = float(re.search(r"([\d.]+) MW and ([\d.]+) kWh", page)[2])
     assert kwh == round(1e3 * (0.0123 + 0.004)) == round(1e3 * plain.total_mwh)
+
+
+KINDS = {  # what is said of each kind of variation
+    "x": "x0.9: every device with nine tenths of its rating.",
+    "without": "Without 3@103: all devices except that of machine 3 at bus 103.",
+    "site": "3@103 x1.1: only that device with 1.1 times its rating",
+}
+
+
+@pytest.mark.parametrize("shown", ["", "x", "without", "site", "x without", "x site", "without site", "x without site"])
+def test_only_the_variations_that_there_are_are_explained(siting, shown):
+    rows = dict(zip(KINDS, siting.evidence[1:], strict=True))
+    chosen = (siting.evidence[0], *(row for name, row in rows.items() if name in shown.split()))
+    said = siting_page._on_variations(replace(siting, evidence=chosen))
+    assert [name for name, text in KINDS.items() if text in said] == shown.split()
+    none = siting_page._on_variations(replace(siting, evidence=chosen, sites=()))
+    assert [name for name, text in KINDS.items() if text in none] == [name for name in shown.split() if name == "x"]
