@@ -18,7 +18,7 @@ CALLED = {
 }  # fmt: skip
 OTHERWISE = {  # None stands for the default of the function; the help of `design tune` says what differs
     ("clearing.screen", "faults"), ("study.study", "faults"), ("linear.weak_grid", "scr"), ("linear.weak_grid", "gain"),
-    ("design_tune.tune", "outages"), ("design_tune.tune", "levels"),
+    ("design_tune.tune", "outages"), ("design_tune.tune", "levels"), ("estimate.estimate", "estimator"),
 }  # fmt: skip
 
 

@@ -790,8 +790,8 @@ buses = "loads"
 LONG = {"law", "LawLimits", "LawDesign.report"}  # 3 s a call and more: tests/design
 MADE = {  # by functions, or from files
     "Case", "ClosedLoop", "Criteria", "DelayedModes", "Design", "Estimates", "ImportReport", "Judged", "Margins",
-    "Modes", "OperatingPoint", "Regulator", "Remedy", "Siting", "Study", "Trajectory", "Tuned", "Verification",
-    "Design.of", "Regulator.of_cost",
+    "Modes", "OperatingPoint", "Regulator", "Remedy", "Screen", "Siting", "Study", "Trajectory", "Tuned",
+    "Verification", "Design.of", "Regulator.of_cost",
 }  # fmt: skip
 SLOW = {
     *("Design.report", "evidence", "optimum", "tune", "pss", "lqg", "margins"),

@@ -77,7 +77,7 @@ def test_mistakes_are_named(point):
         parameter_locus(case, "exst3", "KA", [1, 2])
     with pytest.raises(StudyError, match="no parameter 'KX'"):
         parameter_locus(case, "sexs", "KX", [1, 2])
-    with pytest.raises(StudyError, match="no row in pss"):
+    with pytest.raises(StudyError, match="no machine 7 in two_area"):
         parameter_locus(case, "pss", "K", [1, 2], machines=[7])
     with pytest.raises(StudyError, match="at least two"):
         parameter_locus(case, "pss", "K", [1])
