@@ -1,5 +1,7 @@
 """Delayed loops whose outputs depend on one another, or whose roots lie close together: no crash, no root lost."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -49,13 +51,13 @@ def test_washouts_of_deviations_of_all_machines_do_not_make_the_matrix_singular(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["two_area", "wscc9", "ieee39"])
-def test_deviations_of_all_machines_with_any_gain_and_delay(bases, name):
+@pytest.mark.parametrize(("name", "every"), [("two_area", 1), ("wscc9", 1), ("ieee39", 3)])
+def test_deviations_of_all_machines_with_any_gain_and_delay(bases, name, every):
+    """In the largest system, every third pair: each gain and each delay occurs."""
     base = bases(name)
-    for gain in GAINS:
-        for delay in DELAYS:
-            modes = base.closed_loop(*proportional(base, gain, delay)).modes()
-            assert modes.certified, (gain, delay, modes.counted, len(modes))
+    for gain, delay in [*product(GAINS, DELAYS)][::every]:
+        modes = base.closed_loop(*proportional(base, gain, delay)).modes()
+        assert modes.certified, (gain, delay, modes.counted, len(modes))
 
 
 @pytest.mark.slow
