@@ -95,7 +95,7 @@ def parameter_locus(
     values : iterable of float
         Values of the parameter.
     machines : sequence of int or str, optional
-        Machines at which it varies; by default all that have the device.
+        Machines at which it varies, of a load model buses; by default all that have the device.
 
     Returns
     -------
@@ -111,10 +111,8 @@ def parameter_locus(
         raise StudyError(f"{case.name} has no table {table!r}; it has {', '.join(case.devices)}.")
     if parameter not in models()[table].Par._fields:
         raise StudyError(f"{table} has no parameter {parameter!r}; it has {', '.join(models()[table].Par._fields)}.")
-    chosen = list(rows) if machines is None else [case.machine(n).machine for n in machines]
-    for number in chosen:
-        if number not in rows:
-            raise StudyError(f"Machine {naming.called(case, table, number)} of {case.name} has no row in {table}.csv.")
+    keys = list(rows)
+    chosen = keys if machines is None else [keys[naming.row(case, table, n)] for n in machines]
 
     def model(value: float) -> Linear:
         changed = {n: par._replace(**{parameter: float(value)}) if n in chosen else par for n, par in rows.items()}

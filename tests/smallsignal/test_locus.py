@@ -71,13 +71,23 @@ def test_one_machine_only(point):
     assert np.abs(found - wanted).max() < 1e-6  # 0
 
 
+def test_loads_are_chosen_by_their_buses_and_machines_by_their_names(point):
+    case = point("two_area").case
+    case = replace(case, machines=tuple(m._replace(name=f"1/{m.machine}") for m in case.machines))
+    loads = case.with_device("exponential", [7, 9], a=1.5, b=2.0)
+    found = [parameter_locus(loads, "exponential", "a", [1, 2], machines=at).eigenvalues[-1] for at in ([7], None)]
+    assert np.abs(found[0] - found[1]).max() > 1e-3
+    both = [parameter_locus(case, "sexs", "KA", [100, 150], machines=at).eigenvalues for at in (["1/2"], [2])]
+    assert np.array_equal(*both)
+
+
 def test_mistakes_are_named(point):
     case = point("two_area").case
     with pytest.raises(StudyError, match="no table 'exst3'"):
         parameter_locus(case, "exst3", "KA", [1, 2])
     with pytest.raises(StudyError, match="no parameter 'KX'"):
         parameter_locus(case, "sexs", "KX", [1, 2])
-    with pytest.raises(StudyError, match="no machine 7 in two_area"):
+    with pytest.raises(StudyError, match="two_area has no pss at 7"):
         parameter_locus(case, "pss", "K", [1, 2], machines=[7])
     with pytest.raises(StudyError, match="at least two"):
         parameter_locus(case, "pss", "K", [1])
