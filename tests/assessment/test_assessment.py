@@ -577,3 +577,23 @@ def test_the_worst_that_keep_the_criteria_are_judged_as_long_as_any_run(base, tm
     study = base.study("4cyc", faults=[st.Contingency("8", trip="7-8")], criteria=path, **ALONE)
     assert study.judged[0].kept
     assert study.worst[0].outcome.time_s == pytest.approx(1 + 4 / 60 + 20)
+
+
+def test_a_contingency_is_written_as_python_that_makes_it_again():
+    events = "7:+50MW@2s", st.TripMachine(2, "1.5s")
+    one = st.Contingency("7-8@0.4", trip="7-8", impedance=0.01j, at="0.5s", events=events, after=events[::-1])
+    assert eval(study_page._written(one, 4.5), {"st": st}) == one.with_clear("4.5cyc")
+
+
+@pytest.mark.parametrize("monitored", [False, True])
+def test_subsystems_are_those_of_both_files(stabctl, tmp_path, monitored):
+    """A CON file asks for the lines in one; a MON file may name another."""
+    (tmp_path / "x.sub").write_text("SUBSYSTEM 'WEST'\nBUS 7\nBUS 8\nEND\nEND\n")
+    (tmp_path / "x.con").write_text("SINGLE BRANCH IN SUBSYSTEM 'WEST'\nEND\n")
+    (tmp_path / "x.mon").write_text("MONITOR VOLTAGE RANGE SUBSYSTEM 'WEST' 0.9 1.1\nEND\n")
+    words = ["--contingencies", tmp_path / "x.con", "--subsystems", tmp_path / "x.sub", "--resolution", "2cyc"]
+    words += ["--monitored", tmp_path / "x.mon"] if monitored else []
+    code, out, err = stabctl(
+        "study", "two_area", *words, "--worst", 0, "--remedies", "none", "--limit", "8cyc", "--json"
+    )
+    assert {m["fault"] for m in json.loads(out)["contingencies"]} == {"7", "8"}

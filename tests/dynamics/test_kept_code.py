@@ -55,6 +55,12 @@ def compiled(tmp_path, folder):
     sys.modules.pop("multiples", None)
 
 
+def test_code_is_here_if_there_is_a_file_of_its_own_name(folder):
+    for name in ("genrou-1234.obj", "gensal-1234.txt"):
+        (folder / name).touch()
+    assert [object_code.here(stem) for stem in ("genrou", "gensal", "genr")] == [True, False, False]
+
+
 def contents(folder):
     """File -> time and content, of the machine code."""
     return {file: (file.stat().st_mtime_ns, file.read_bytes()) for file in folder.rglob("*.obj") if file.is_file()}

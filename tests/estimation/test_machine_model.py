@@ -63,6 +63,21 @@ def test_the_variance_of_the_power_is_the_mean_of_two_reports_and_held_while_non
         assert model.kept.variance[0] == pytest.approx(held, rel=1e-12)
 
 
+@pytest.mark.parametrize("turn", [-0.8, 0.1, 0.6])
+def test_the_slope_of_the_angle_is_that_of_a_chord_of_the_arc_sine(points, turn):
+    """From the angle theta that the fluxes say to the one that is reported, for states that are off by `turn`."""
+    point = points("two_area")
+    model = MachineModel(rotor_units(point), PMU, power=True, process=NOISE)
+    seen = model.measured(frames(point, [0.0], [[True] * 4])[0])
+    x = model.begin(seen)[0]
+    x[..., 0] += turn
+    found, size = model.observe(x, seen), np.abs(seen.E)
+    theta, reported = found.expected - x[..., 0], np.angle(seen.E) - x[..., 0]
+    chord = (reported - theta) / (np.sin(reported) - np.sin(theta)) / size
+    assert found.slope[..., 3:] == pytest.approx(model.constants.out * chord[..., None], rel=1e-5)
+    assert np.all(found.slope[..., :3] == [1, 0, 0])
+
+
 @pytest.mark.parametrize("filter_class", ["none", "M"])
 def test_the_compiled_filters_are_those_of_filterpy(points, filter_class):
     point, pmu, random = points("two_area"), Pmu(filter_class=filter_class), np.random.default_rng(1)

@@ -11,6 +11,7 @@ import stabctl as st
 from stabctl._util.errors import CaseError, StabctlError
 from stabctl.io import pst
 from stabctl.io.import_report import import_report
+from stabctl.io.pst.tables import read as read_tables
 
 FOLDERS = Path(__file__).parents[1] / "reference" / "pst", Path(st.__file__).parent / "verification" / "cases"
 FILES = {path.stem: path for folder in FOLDERS for path in sorted(folder.glob("*.m"))}
@@ -377,3 +378,8 @@ def test_a_file_in_the_code_page_of_windows_is_told(written):
     told = f"{path}: it is read as Windows-1252, because it is not UTF-8."
     assert st.load(path).notes == (told, *plain.notes)
     assert tables(st.load(path)) == tables(plain)
+
+
+def test_what_is_assigned_to_other_names_is_told_unless_it_is_empty(written):
+    text = SMALL + "dcsp_con = [];\ndcl_con = [1 2 3];\nnote = 'text';\nspan = 1:2;\n"
+    assert {*read_tables(written(text)).unread} == {"dcl_con", "note", "span"}

@@ -85,3 +85,18 @@ def test_options_are_columns_of_every_device(paper):
 def test_what_is_no_fleet_is_told_in_one_sentence(paper, sizes, options, says):
     with pytest.raises(StabctlError, match=says):
         paper.with_storage(sizes, **options)
+
+
+@pytest.mark.parametrize(
+    ("ends", "mva", "beyond"),
+    [
+        (("100%", "10000%"), (50, 5000), ("99.9%", "10001%")),
+        (("0.1pu", "1pu"), (50 / (0.1 * 1.11), 50), ("0.099pu", "1.001pu")),  # a current of 1.11 pu at that voltage
+    ],
+)
+def test_a_converter_may_be_as_small_or_large_as_is_said(paper, ends, mva, beyond):
+    found = [paper.with_storage("14=50MW", mva=end, storage_model="regc").storage[0].mva for end in ends]
+    assert found == pytest.approx(mva)
+    for wrong in beyond:
+        with pytest.raises(StudyError, match=r"a voltage from 0\.1pu to 1pu, or 60MVA"):
+            paper.with_storage("14=50MW", mva=wrong, storage_model="regc")

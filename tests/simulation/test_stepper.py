@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
-from in_plain_python import experiment
+from in_plain_python import CONTROLS, FAULT, KEEP_ON, experiment
+
+import stabctl as st
 
 STEPS = 60
 
@@ -26,6 +28,14 @@ def test_a_run_interrupted_at_every_stage_is_the_same_to_the_last_bit(runs, cont
 def test_these_runs_have_what_could_be_lost_between_two_calls(runs, control):
     """Steps in parts, or voltages that are solved for a second time."""
     assert runs[f"{control} calls"] > 4 * STEPS + 10  # 448, 267
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+def test_these_runs_are_those_of_compiled_code(runs, control):
+    point = st.load("two_area").with_storage("50MW", energy=0.01).initialize()
+    run = point.simulate(FAULT, 0.5, control=CONTROLS[control](), criterion=KEEP_ON)
+    found, whole = np.column_stack([run.time, run.rows]), runs[f"{control} whole"]
+    assert np.abs(found - whole).max() < 1e-9  # 2e-12
 
 
 @pytest.fixture(scope="module")

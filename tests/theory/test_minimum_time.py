@@ -179,6 +179,17 @@ def test_error_of_the_convex_program_is_of_second_order():
     assert coarse / fine == pytest.approx(16, rel=0.05)
 
 
+def test_without_force_the_program_moves_as_a_body_that_is_pushed():
+    """x1 = x0 + n z0 - P n^2 / 2 and z = z0 - P n with the largest power in all n steps."""
+    one, n = SpeedProgram(TABLE2, 12), np.arange(13)
+    one.motion.value, one.radius.value, one.force.value, one.slope.value = 0 * n, 1e3, 0 * n, 0 * n
+    one.z0.value, one.push.value = 0.3, 0.02
+    one.problem.solve(solver="CLARABEL")
+    pushed = 0.02 * TABLE2.Pc_max
+    assert one.x1.value == pytest.approx(TABLE2.x1 + 0.3 * n - pushed * n**2 / 2, abs=1e-6)
+    assert one.z.value == pytest.approx(0.3 - pushed * n, abs=1e-6)
+
+
 def test_convex_program_is_one_program_with_parameters():
     problem = SpeedProgram(TABLE2, 10).problem
     assert problem.is_dcp(dpp=True)

@@ -19,6 +19,7 @@ from stabctl.placement.siting import Costs, Site, Siting
 from stabctl.smallsignal import areas
 from stabctl.view.diagram import _layout, one_line
 from stabctl.view.diagram._layout import backbone, graph, node_positions, stress_majorization
+from stabctl.view.figures import one_line as drawing
 from stabctl.view.figures.palette import CLEARING, GRAY
 
 CASES = "ieee39", "two_area", "wnaps", "wscc9"
@@ -251,3 +252,14 @@ def test_what_cannot_be_drawn_is_refused(cases):
         cases("wscc9").plot(3)
     with pytest.raises(StudyError, match="is not a system"):
         one_line(None)
+
+
+def test_places_of_a_label_lie_around_its_symbol():
+    """Each is as far away as the symbol and a gap; the one on the other side is its reflection."""
+    label = drawing.Label("G30/1", np.array([1.0, -2.0]), 0.3)
+    boxes = {d: np.reshape(box, (2, 2)) for d, box in zip(drawing.DIRECTIONS, drawing._places(label, 0.1), strict=True)}
+    for (x, y), (low, high) in boxes.items():
+        near = np.clip(label.at, low, high)
+        assert np.hypot(*(near - label.at)) == pytest.approx(0.32)
+        (other,) = [box for d, box in boxes.items() if np.allclose(d, (-x, -y))]
+        assert 2 * label.at - other[::-1] == pytest.approx(np.array([low, high]))
