@@ -133,7 +133,7 @@ SENTENCES = {  # fields of the end, of the criterion -> what is said
     ),
     "low voltage": (
         {"verdict": judgment.LOW_VOLTAGE, "bus": 4}, {"low_voltage_s": 0.4},
-        "Voltage collapse at bus 1002 at 0.300 s: its voltage stayed below the limit of load 1002/b for 0.4 s without a "
+        "Voltage collapse at bus 1002 at 0.300 s: its voltage stayed below the limit of its load for 0.4 s without a "
         "fault.",
     ),
     "empty": (
