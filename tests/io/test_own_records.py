@@ -37,12 +37,13 @@ def test_a_shunt_of_ones_own_stands_at_the_bus_of_its_record(tmp_path):
     (tmp_path / "three.raw").write_text((EXAMPLES / "three.raw").read_text())
     dyr = (EXAMPLES / "three.dyr").read_text()
     (tmp_path / "reactor.py").write_text(REACTOR)
-    (tmp_path / "three.dyr").write_text(f"{dyr}\n103 'REACT1' 1 0.02 0.3 /\n")
+    (tmp_path / "three.dyr").write_text(f"{dyr}\n102 'REACT1' 1 0.02 0.3 /\n")
     with registered(tmp_path / "reactor.py"):
-        par = st.load(tmp_path / "three.raw").devices["reactor"][103]
+        par = st.load(tmp_path / "three.raw").devices["reactor"][102]
         assert (par.G, par.B) == (0.02, 0.3)
         (tmp_path / "three.dyr").write_text(f"{dyr}\n999 'REACT1' 1 0.02 0.3 /\n")
         with pytest.raises(CaseError, match="there is no bus 999"):
             st.load(tmp_path / "three.raw")
-    with pytest.raises(CaseError, match="no model for REACT1 of 999/1"):
+    (tmp_path / "three.dyr").write_text(f"{dyr}\n102 'REACT1' 1 0.02 0.3 /\n")
+    with pytest.raises(CaseError, match="no model for REACT1 of 102/1"):
         st.load(tmp_path / "three.raw")
