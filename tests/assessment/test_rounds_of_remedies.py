@@ -28,6 +28,7 @@ def studied(lost, shortest=3.0):
 
 
 ROUNDS = {  # lost at first; what the change of each round gives up, and what is lost with it -> wanted in each round
+    "nothing is lost": ("", [("", ""), ("", "")], [""]),
     "at once": ("ab", [("", "")], ["ab"]),
     "a second one": ("a", [("", "b"), ("", "")], ["a", "ab"]),
     "a third one": ("a", [("", "b"), ("", "c"), ("", "")], ["a", "ab", "abc"]),
