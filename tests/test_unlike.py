@@ -183,10 +183,7 @@ def test_the_smallest_units_obey_their_own_equations():
     drawn = drawn + P * (1 + 0.004 / load.p * (t > 0.05)) + 1j * Q  # more of the same load
     for k in case.branches[-2:]:
         a, z = 1 / k.tap, complex(k.r, k.x)
-        if k.to_bus == 60:
-            current = (volts - near * a) / z
-        else:
-            current = a * (a * volts - near) / z
+        current = (volts - near * a) / z if k.to_bus == 60 else a * (a * volts - near) / z
         drawn = drawn + case.base_mva * volts * current.conjugate()
     quiet = (np.abs(np.subtract.outer(t, [0.05, 0.1, 0.16, 0.2])) > 1e-9).all(axis=1) & (np.abs(volts) > 0.75)
     assert np.abs(drawn[quiet]).max() < 2e-6

@@ -31,7 +31,10 @@ def unlike(storage=STORAGE):
     return replace(
         case,
         name="unlike",
-        buses=(*(b._replace(rated=380.0) if b.bus == 30 else b for b in case.buses), Bus(60, "pq", 0.97, -3.0, rated=0.4)),
+        buses=(
+            *(b._replace(rated=380.0) if b.bus == 30 else b for b in case.buses),
+            Bus(60, "pq", 0.97, -3.0, rated=0.4),
+        ),
         branches=(
             *case.branches,
             Branch(50, 60, 1.9, 21.0, 0.0, 1.01, 0.0, "", 0.00001, -0.00004),
@@ -63,7 +66,9 @@ def numbered(case, bus, machine):
         numbers = {f: bus(getattr(row, f)) for f in row._fields if f.endswith("bus")}
         return row._replace(**numbers, **({"machine": machine(row.machine)} if "machine" in row._fields else {}))
 
-    tables = {name: tuple(map(new, getattr(case, name))) for name in ("buses", "branches", "machines", "loads", "links")}
+    tables = {
+        name: tuple(map(new, getattr(case, name))) for name in ("buses", "branches", "machines", "loads", "links")
+    }
     devices = {model: {machine(key): par for key, par in rows.items()} for model, rows in case.devices.items()}
     return replace(case, **tables, storage=tuple(map(new, case.storage)), devices=devices)
 

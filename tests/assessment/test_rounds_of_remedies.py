@@ -1,4 +1,4 @@
-"""Searches that are repeated: what is asked for in the second and third round, and the smallest shift, by trying all."""
+"""Searches that are repeated: what is asked for in the second and third round; the smallest shift, by trying all."""
 
 from itertools import product
 from types import SimpleNamespace
@@ -27,7 +27,7 @@ def studied(lost, shortest=3.0):
     return SimpleNamespace(insecure=tuple(margin(name, shortest) for name in lost))
 
 
-ROUNDS = {  # lost at first; what the change of each round gives up, and what is lost with it -> wanted in each round
+ROUNDS = {  # lost at first; what each change gives up, and what is lost with it -> wanted in each round
     "nothing is lost": ("", [("", ""), ("", "")], [""]),
     "at once": ("ab", [("", "")], ["ab"]),
     "a second one": ("a", [("", "b"), ("", "")], ["a", "ab"]),
@@ -118,7 +118,7 @@ def test_groups_that_share_a_machine_are_one():
 
 
 def test_who_gives_up_power_and_who_takes_it():
-    """Machines ahead give in proportion to what they produce; others of their island that produce take by what is left."""
+    """Machines ahead give in proportion to what they produce; others of their island take by what is left."""
     point = mixed_point()
     case, rotors = point.case, point.rotors
     names = [m.machine for m in case.machines]

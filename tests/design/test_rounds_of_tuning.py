@@ -12,7 +12,7 @@ ALL = [steps for _, steps in rounds.ROUNDS]
 
 
 class Search:
-    """A start that is better by its number after every round; `reached` is the round after which the goal is reached."""
+    """A start that is better after every round; the goal is reached after a certain one."""
 
     def __init__(self, problem, point, first=None, count=None, tell=None):
         self.problem, self.point, self.first, self.tell = problem, point, first, tell or count

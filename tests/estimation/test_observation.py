@@ -57,7 +57,7 @@ def test_a_machine_without_a_pmu_has_a_report_when_the_network_has_been_the_same
 
 
 def test_a_pmu_found_bad_is_left_out_when_the_others_hear_of_it():
-    """Beside one that never was there. Told at frame 4 and right again at frame 12; a latency of 60 ms are three frames."""
+    """Beside one that never was there. Told at frame 4, right again at frame 12; 60 ms are three frames."""
     point = uneven_point()
     pmu = Pmu(rate=50, **EXACT, latency="60ms", missing=(3,))
     seen, asked = Observation([Simulation(setup(point))], pmu, (8,), check=True), []

@@ -153,7 +153,11 @@ def test_the_covariance_of_the_process_is_the_sum_of_its_sources(filter_class):
         added = [none, none, change.real]
         if half:
             moved = seen.E * np.exp(-1j * after) - kept.voltage
-            added = [gone.flux_noise(x[..., 1], change), gone.power_noise(moved, change) * here, gone.entering(change.real)]
+            added = [
+                gone.flux_noise(x[..., 1], change),
+                gone.power_noise(moved, change) * here,
+                gone.entering(change.real),
+            ]
         told = {"after": after, "Pm": x[0, :, 2]}
         for n in range(m):
             Q = covariance(model, told, seen, n, added, last, model.unreported.hidden[0, n])
@@ -175,9 +179,7 @@ def test_the_covariance_of_the_process_is_the_sum_of_its_sources(filter_class):
         if half:
             y, both = model.angle_and_slip(x, step.Q)
             a, _ = model.acceleration(x, step.Q)
-            wanted = gone.middle(
-                x[..., :2], step.Q[..., :2, :2], acceleration=a, jerk=(-rate / (2 * known.H))[None]
-            )
+            wanted = gone.middle(x[..., :2], step.Q[..., :2, :2], acceleration=a, jerk=(-rate / (2 * known.H))[None])
             assert y == pytest.approx(wanted[0], rel=1e-12)
             assert both == pytest.approx(wanted[1], rel=1e-12)
         model.settle(x, seen)
