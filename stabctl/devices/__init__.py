@@ -9,7 +9,7 @@ import importlib.util
 import re
 import sys
 from collections.abc import Container, Iterator, Mapping
-from functools import cache
+from functools import cache, cached_property
 from hashlib import sha256
 from pathlib import Path
 from types import MappingProxyType, ModuleType
@@ -47,6 +47,11 @@ class Devices(Mapping[str, Device]):
 
     def __len__(self) -> int:
         return len(self.roles)
+
+    @cached_property
+    def records(self) -> Mapping[str, tuple[str, str]]:
+        """Kind of PSS/E record -> name of the device, and its constants in order."""
+        return MappingProxyType({kind: (name, order) for name, d in self.items() for kind, order in d.dyr.items()})
 
     def of_role(self, *roles: str) -> list[str]:
         """Names of the devices with one of these roles."""

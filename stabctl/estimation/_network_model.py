@@ -143,13 +143,13 @@ class NetworkModel:
         seen, lost = Z[np.ix_(p, m)], np.flatnonzero(~known)
         inverse = np.linalg.pinv(seen, rcond=1e-3)
         J = inverse @ left
-        blur = np.abs(Z[np.ix_(lost, m)] @ (inverse @ seen - np.eye(len(m)))).max(-1, initial=0.0)
+        unseen = inverse @ seen - np.eye(len(m))  # what the reports leave open of J_m
         V = own[lost] + Z[np.ix_(lost, m)] @ J
+        V[np.abs(Z[np.ix_(lost, m)] @ unseen).max(-1, initial=0.0) > 1e-6 * np.abs(Z[lost]).max(-1)] = np.nan
+        J[np.abs(unseen).max(-1, initial=0.0) > 1e-6] = np.nan  # of machines at one bus only the sum is known
         I = -y[lost, None] * V
         I[np.isin(lost, m)] += J
         I[~np.isin(lost, m)] = 0
-        undetermined = blur > 1e-6 * np.abs(Z[lost]).max(-1)
-        V[undetermined], I[undetermined] = np.nan, np.nan
         return V, I
 
     def _admittances(self, switching: Switching) -> sp.csr_matrix:

@@ -8,9 +8,7 @@ zone or of an area, or to all.
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from stabctl._util.errors import CaseError
@@ -281,11 +279,9 @@ def _read(
         found.add(model, key, loads.part(key, par) if role == "load" else par, record.place)
 
 
-@cache
 def kinds() -> Mapping[str, tuple[str, str]]:
     """Kind of record -> name of the device model, and its constants in order."""
-    found = {kind: (name, order) for name, device in tables.models().items() for kind, order in device.dyr.items()}
-    return MappingProxyType(found)
+    return tables.models().records
 
 
 def parameters(record: Record, model: str, order: str, source: Source | None) -> tuple[Any, list[str]]:
