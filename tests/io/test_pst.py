@@ -381,5 +381,5 @@ def test_a_file_in_the_code_page_of_windows_is_told(written):
 
 
 def test_what_is_assigned_to_other_names_is_told_unless_it_is_empty(written):
-    text = SMALL + "dcsp_con = [];\ndcl_con = [1 2 3];\nnote = 'text';\nspan = 1:2;\n"
-    assert {*read_tables(written(text)).unread} == {"dcl_con", "note", "span"}
+    text = SMALL + "dcsp_con = [];\ndcl_con = [1 2 3];\nnote = 'text';\nspan = 1:2;\ncell = {};\n"
+    assert {*read_tables(written(text)).unread} == {"dcl_con", "note", "span", "cell"}
