@@ -33,8 +33,6 @@ class Network(TableBuilder):
     ----------
     raw : Raw
         The file.
-    internal : dict of int to str
-        Star buses of transformers and terminals behind step-up transformers, which the file does not number.
     step_up : set of int
         Buses whose generators are behind step-up transformers.
     """
@@ -42,7 +40,6 @@ class Network(TableBuilder):
     def __init__(self, raw: Raw) -> None:
         super().__init__(raw.base_mva)
         self.raw = raw
-        self.internal: dict[int, str] = {}
         self.step_up: set[int] = set()
         self._numbers: dict[int, Place] = {}
         self._circuits: dict[tuple[frozenset[int], str], Place] = {}
@@ -64,11 +61,6 @@ class Network(TableBuilder):
         """A number that no bus and no machine has."""
         self._next = self._next or 10 ** len(str(max(self._numbers, default=1)))
         return super().new_number()
-
-    def new_bus(self, bus: Bus, what: str, place: Place) -> None:
-        """Add a bus that the file does not number."""
-        self.internal[bus.bus] = what
-        self.add("buses", bus, place)
 
     def has(self, number: int, place: Place, field: str = "I") -> bool:
         """Whether a bus is in service. Raises `CaseError` if there is no such bus."""
@@ -224,9 +216,7 @@ def _terminal(net: Network, g: Any, base: float, place: Place) -> tuple[int, flo
     number, held = net.new_number(), row.kind
     labels = (f"terminal {g.I}/{g.ID}", *row[8:])
     angle = math.degrees(cmath.phase(behind))
-    net.new_bus(
-        Bus(number, held, abs(behind), angle, 0.0, 0.0, 0.0, *labels), f"terminal of machine {g.I}/{g.ID}", place
-    )
+    net.add("buses", Bus(number, held, abs(behind), angle, 0.0, 0.0, 0.0, *labels), place)
     net.step_up.add(g.I)
     net.circuit(Branch(g.I, number, z.real, z.imag, 0.0, g.GTAP, circuit=g.ID), place)
     return number, S.real, S.imag
@@ -282,8 +272,7 @@ def _three_windings(net: Network, t: TransformerRecord, place: Place) -> None:
         branches.append(Branch(bus, star, own.real, own.imag, *values))
     V = _star_voltage(net, branches)
     labels = (f"star {name}", *net.bus(buses[on[0]])[8:])
-    what = f"star point of transformer {name} ckt {t.head.CKT}"
-    net.new_bus(Bus(star, "pq", abs(V), math.degrees(cmath.phase(V)), 0.0, 0.0, 0.0, *labels), what, place)
+    net.add("buses", Bus(star, "pq", abs(V), math.degrees(cmath.phase(V)), 0.0, 0.0, 0.0, *labels), place)
     for branch in branches:
         net.circuit(branch, place)
 

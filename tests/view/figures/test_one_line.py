@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 import stabctl as st
 from stabctl._util.errors import StudyError
 from stabctl.placement.siting import Costs, Site, Siting
+from stabctl.placement.siting_rows import CandidateSite
 from stabctl.smallsignal import areas
 from stabctl.view.diagram import _layout, one_line
 from stabctl.view.diagram._layout import backbone, graph, node_positions, stress_majorization
@@ -235,6 +236,19 @@ def test_a_placement_has_squares_of_its_ratings(cases):
     assert crowded(ax) == []
     with pytest.raises(StudyError, match="There is no machine 10"):
         cases("wscc9").plot(replace(found, sites=(Site(5, 10, 1.0, 0.0),)))
+
+
+def test_bars_of_a_placement_lie_in_the_row_of_their_place():
+    """The largest first: the fleet found above the middle of the row, the uniform one below it."""
+    sites = (Site(5, 1, 90.0, 0.1), Site(10, 3, 10.0, 0.1))
+    places = [CandidateSite(*at, 300.0, mw) for at, mw in (((10, 3), 55.0), ((6, 2), 40.0), ((5, 1), 20.0))]
+    record = "two_area", sites, Costs(), 1.0, None, 115.0, 5.0, None, (), (), (), (), 5.0, 1, 1.0, tuple(places)
+    ax = Siting(*record).plot()
+    bars = [(round(bar.get_y() + bar.get_height() / 2, 6), bar.get_width()) for bar in ax.patches]
+    assert bars == [(-0.2, 90), (0.8, 10), (1.8, 0), (0.2, 20), (1.2, 55), (2.2, 40)]
+    assert [t.get_text() for t in ax.get_yticklabels()] == [
+        f"machine {m}, bus {b}" for b, m in ((5, 1), (10, 3), (6, 2))
+    ]
 
 
 def test_a_square_does_not_cover_the_name_of_its_machine(cases):
