@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 from stabctl._util.errors import LinearizationError, StudyError
 from stabctl._util.units import cycles, quantity
 from stabctl._util.validation import checks_arguments
-from stabctl.clearing import ClearingTime, Screen, Severity, screen
-from stabctl.clearing.screen import plan
+from stabctl.clearing import ClearingTime, Screen, Severity
+from stabctl.clearing.screen import carried_out, plan
 from stabctl.clearing.screen_result import Lines
 from stabctl.clearing.trial import observed
 from stabctl.dynamics.operating_point import OperatingPoint, operating_point
@@ -155,9 +155,8 @@ def study(
     asked, costs, rules = kinds(remedies), priced(prices), None if criteria is None else named(criteria)
     running = {"workers": workers, "store": store, "scheduler": scheduler}
     work = _Work(worst, {**search, "criterion": criterion}, running)
-    if isinstance(faults, Iterable) and not isinstance(faults, str):
+    if isinstance(faults, Iterator):
         faults = tuple(faults)  # they are needed again for the remedies
-    plan(case, faults=faults, control=control, criteria=rules, **work.search)  # what cannot be done is said at once
     found = Study(point, wanted, case.check(), powerflow.solve(case), Settings(faults, control, rules))
 
     def done(now: Study) -> Study:
@@ -190,8 +189,9 @@ class _Work(NamedTuple):
     running: Mapping[str, Any]  # workers, store and scheduler
 
     def parts(self, now: Study, tell: Tell, each: Callable[[Study], None] | None = None) -> Iterator[Study]:
-        """The study after every part."""
+        """The study after every part. Raises `StudyError` before the first one if its screen is not possible."""
         point, case, how = now.point, now.point.case, now.how
+        planned = plan(case, faults=how.faults, control=how.control, criteria=how.criteria, **self.search)
         yield now
         tell(0.0, "modes")
         try:
@@ -202,15 +202,12 @@ class _Work(NamedTuple):
         if installed(case):
             yield (now := replace(now, ratios=short_circuit_ratio(case)))
         partly = Partly(now, each) if each else None
-        done = screen(
+        done = carried_out(
             point,
-            faults=how.faults,
-            control=how.control,
-            criteria=how.criteria,
+            planned,
             progress=lambda done, total: tell(SCREENED * done / total, "faults"),
             each=partly,
             ranking=partly.begin if partly else None,
-            **self.search,
             **self.running,
         )
         for m in (now := replace(now, screen=done)).margins:

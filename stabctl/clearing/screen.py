@@ -122,32 +122,9 @@ def screen(
     point = operating_point(base, storage)
     given: dict[str, Any] = {"resolution": resolution, "limit": limit, "observe": observe, "longest": longest}
     given |= {"scan": scan, "step": step, "criterion": criterion, "criteria": criteria}
-    search, found, places, control = plan(point.case, below, faults=faults, buses=buses, control=control, **given)
-    shared = Shared(Base(point), search, control)
-    began, pairs = time.perf_counter(), list[ClearingTime]()
-    simulations, size = 0, sum(map(len, places.values()))
+    planned = plan(point.case, below, faults=faults, buses=buses, control=control, **given)
     how: dict[str, Any] = {"store": store, "workers": workers, "scheduler": scheduler}
-    with Runner(PLACE, **how) as runner:
-        ordered = tasks(places, shared, runner.remote)
-        if each or ranking:
-            ordered, severities = ranked(ordered, **how)
-            if ranking:
-                ranking(severities)
-        for task, row in runner.rows(ordered):
-            here = pairs_of(row, task.job.contingencies, search)
-            pairs += here
-            simulations += row["simulations"]
-            if each:
-                each(here)
-            if progress:
-                progress(len(pairs), size)
-    order = {one: k for k, one in enumerate(one for several in places.values() for one in several)}
-    pairs.sort(key=lambda p: (_rank(p), order[p.contingency]))
-    wall = time.perf_counter() - began
-    left_out = getattr(faults, "left_out", ())  # of a file
-    about = search, point.case.frequency_hz, size, simulations, wall, left_out
-    whole = Screen(point.case.name, tuple(pairs), found, *about)
-    return whole if below is None else whole.below(below)
+    return carried_out(point, planned, progress=progress, each=each, ranking=ranking, **how)
 
 
 class Plan(NamedTuple):
@@ -157,6 +134,8 @@ class Plan(NamedTuple):
     lines: Lines  # screened, if lines are
     places: dict[str, list[Contingency]]  # place and impedance of a fault -> the contingencies with it
     control: Control
+    below: str | float | None
+    left_out: tuple[str, ...]  # sentences about contingencies of a file
 
 
 def plan(
@@ -167,13 +146,50 @@ def plan(
     buses: int | str | Iterable[int] | None = None,
     control: Control,
     criteria: "Criteria | str | Path | None",
+    longest: str | float = LONGEST,
     **search: Any,
 ) -> Plan:
-    """What a screen of a case will do, without doing it. Raises `StudyError` if it cannot be done."""
-    chosen = Search.of(case, keeping=criteria, **search)
+    """What `screen` will do with these arguments. Raises `StudyError` if it cannot be done."""
+    chosen = Search.of(case, keeping=criteria, longest=longest, **search)
     if below is not None:
         chosen = replace(chosen, limit_cycles=min(chosen.limit_cycles, _next(below, chosen, case)))
-    return Plan(chosen, *_places(case, faults, buses), checked_control(control, case))
+    found, left_out = _places(case, faults, buses), getattr(faults, "left_out", ())
+    return Plan(chosen, *found, checked_control(control, case), below, left_out)
+
+
+def carried_out(
+    point: OperatingPoint,
+    plan: Plan,
+    *,
+    progress: Callable[[int, int], None] | None,
+    each: Callable[[Sequence[ClearingTime]], None] | None,
+    ranking: Callable[[Sequence[Severity]], None] | None,
+    **how: Any,
+) -> Screen:
+    """The screen that is planned; `how` are workers, store and scheduler."""
+    shared = Shared(Base(point), plan.search, plan.control)
+    began, pairs = time.perf_counter(), list[ClearingTime]()
+    simulations, size = 0, sum(map(len, plan.places.values()))
+    with Runner(PLACE, **how) as runner:
+        ordered = tasks(plan.places, shared, runner.remote)
+        if each or ranking:
+            ordered, severities = ranked(ordered, **how)
+            if ranking:
+                ranking(severities)
+        for task, row in runner.rows(ordered):
+            here = pairs_of(row, task.job.contingencies, plan.search)
+            pairs += here
+            simulations += row["simulations"]
+            if each:
+                each(here)
+            if progress:
+                progress(len(pairs), size)
+    order = {one: k for k, one in enumerate(one for several in plan.places.values() for one in several)}
+    pairs.sort(key=lambda p: (_rank(p), order[p.contingency]))
+    wall = time.perf_counter() - began
+    about = plan.search, point.case.frequency_hz, size, simulations, wall, plan.left_out
+    whole = Screen(point.case.name, tuple(pairs), plan.lines, *about)
+    return whole if plan.below is None else whole.below(plan.below)
 
 
 def _next(below: str | float, search: Search, case: Case) -> float:

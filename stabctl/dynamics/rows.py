@@ -89,10 +89,8 @@ def _unit_row(case: Case, device: Device, unit: int, key: naming.Key, par: Any, 
 def _storage_row(case: Case, s: Storage, unit: int, bus: int, flow: PowerFlow) -> Row:
     device = devices.every()[s.device]
     known = {"V0": float(abs(flow.V[bus])), "wb": 2 * np.pi * case.frequency_hz}
-    par, name = (
-        _filled(device, device.call("from_case", s, case.base_mva), known),
-        f"ESD {naming.device(case, s.machine, s.bus)}",
-    )
+    par = _filled(device, device.call("from_case", s, case.base_mva), known)
+    name = f"{naming.STORAGE}{naming.device(case, s.machine, s.bus)}"
     return Row(unit, bus, bus, par, name, name)
 
 

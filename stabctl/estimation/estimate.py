@@ -53,7 +53,7 @@ def estimate(
         Storage devices in place of the case's own, as in `simulate`.
     control : control law, Controller, list of them, or EstimatorControl, optional
         The control law of the storage devices, with estimated speeds, `BangBang()` by default, and controllers. An
-        `EstimatorControl` also says which estimator and PMUs it uses; `estimator` and `pmu` are then left out.
+        `EstimatorControl` has its own estimator and PMUs; then give neither here.
     estimator : {"ideal", "frequency", "kinematic", "kalman"}, optional
         How the speeds are estimated; "kalman" by default.
     pmu : Pmu, optional
@@ -106,9 +106,8 @@ def _control(control: Any, estimator: EstimatorName | None, pmu: Pmu | None) -> 
     """The control with its estimator."""
     if isinstance(control, type):
         raise StudyError(f"control = {control.__name__} is a class; give an instance, {control.__name__}().")
-    given: dict[str, Any] = {
-        name: value for name, value in (("estimator", estimator), ("pmu", pmu)) if value is not None
-    }
+    named = ("estimator", estimator), ("pmu", pmu)
+    given: dict[str, Any] = {name: value for name, value in named if value is not None}
     if not isinstance(control, EstimatorControl):
         return EstimatorControl(BangBang() if control is None else control, **given)
     if given:

@@ -131,13 +131,16 @@ class TableBuilder:
 
     def leave_out(self, buses: set[int]) -> None:
         """Remove buses with everything at them; of buses and machines, the names are kept."""
-        for table, end in (("branches", "from_bus"), ("loads", "bus"), ("machines", "bus"), ("buses", "bus")):
+        named: dict[str, ElementKind] = {"machines": "machine", "buses": "bus"}
+        for table in ("branches", "loads", "machines", "buses"):
+            end = "from_bus" if table == "branches" else "bus"
             found = list(zip(self.rows[table], self.places[table], strict=True))
-            kept = [(row, place) for row, place in found if getattr(row, end) not in buses]
-            self.rows[table], self.places[table] = ([one[k] for one in kept] for k in (0, 1))
+            self.rows[table], self.places[table] = [], []
             for row, place in found:
-                if end == "bus" and row.bus in buses and table != "loads":
-                    self.leave("machine" if table == "machines" else "bus", place, row.bus, id=row.name)
+                if getattr(row, end) not in buses:
+                    self.add(table, row, place)
+                elif table in named:
+                    self.leave(named[table], place, row.bus, id=row.name)
         self.at = {b.bus: i for i, b in enumerate(self.rows["buses"])}
 
     def idle(self) -> None:

@@ -256,9 +256,8 @@ def _network(case: Case) -> dict[str, Rows]:
         shared[m.bus] += m.base
     for m, s in zip(case.machines, np.abs(S).tolist(), strict=True):
         rated = {"loading": s * case.base_mva / m.base} if m.base != case.base_mva else {}
-        step_up = (
-            {"x of its transformer": at[m.bus][0].x * shared[m.bus] / case.base_mva} if len(at[m.bus]) == 1 else {}
-        )
+        alone = len(at[m.bus]) == 1
+        step_up = {"x of its transformer": at[m.bus][0].x * shared[m.bus] / case.base_mva} if alone else {}
         found["machines"] |= {f"machine {m.called}": rated | step_up} if m.machine in modeled else {}
     known = modeled and not infinite and any(m.base != case.base_mva for m in case.machines)
     loads = zip(naming.keys(case, "loads"), case.loads, strict=True)
